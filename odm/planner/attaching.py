@@ -16,7 +16,6 @@ from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
-from odm.search._astar import GOAL_SIDE, START_SIDE
 from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
@@ -70,9 +69,11 @@ class Attacher:
         self.kept = CachedGoals(frame.memory.goals, kept)
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
+        self._to_robot = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(max(settings.moving_nodes, settings.looks), np.int64)
+        self._chosen = np.zeros(settings.moving_nodes, np.int64)
+        self._ends = -1, b"", False  # `ends_free`: of which frame and goals
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -126,7 +127,8 @@ class Attacher:
         on_path = len(path) > 0 and path.goal >= 0
         vertex = int(m.goals.vertex[path.goal]) if on_path else -1
         old = {q.tobytes(): g for g, q in enumerate(self.goals)}
-        kept_rows = len(self.goals)  # copying all would take half a millisecond
+        # copying all would take half a millisecond
+        kept_rows = len(self.goals) if any(q.tobytes() in old for q in goals) else 0
         before = [np.copy(a[:kept_rows]) for a in m.goals]
         m.goals.at[: int(m.goals.count[0])] = -1
         direct = np.full(len(goals), kinds.NO_MOTION - 1)  # not known from this start
@@ -202,7 +204,6 @@ class Attacher:
             )
             return
         self._set_beyond(False)
-        self.distances(q)
         self._later[int(goals.vertex[g])] = self._candidates(
             self._for_goals, self._for_goals
         )
@@ -389,32 +390,27 @@ class Attacher:
             How many these are, and how many were looked at, `looks` at most.
         """
         waiting = self._later.get(vertex, _NONE)
-        leads_on = self._leads_on(waiting, vertex)
-        looked = waiting[leads_on][:looks]
-        if not len(looked):
+        if not len(waiting):
             return 0, 0
         table = self.frame.memory.table
-        n = judge.clear_nodes(table, q, looked, len(looked), self._chosen)
-        free = self._chosen[:n].copy()
-        others = waiting[~np.isin(waiting, looked)]
-        blocked = looked[~np.isin(looked, free)]
-        self._later[vertex] = np.concatenate([free, others, blocked])
-        return n, len(looked)
+        ordered, scratch = np.empty((2, len(waiting)), np.int64)
+        said = kernels.free_first(table, q, waiting, vertex, looks, ordered, scratch)
+        self._later[vertex] = ordered
+        return said & kernels.FREE_NODES, said >> kernels.LOOKED_AT
 
-    def _leads_on(self, nodes: np.ndarray, vertex: int) -> np.ndarray:
-        """Return (k,) where a motion between `vertex` and a node may help now.
+    @property
+    def ends_free(self) -> bool:
+        """Whether the robot can stand where it is, and at one of the goals.
 
-        A search that has no path knows all that is reached from the start, or from the
-        goal. A motion helps where it joins what the one reaches with what it does not.
+        Else no search helps. Looked at once a frame.
         """
         m = self.frame.memory
-        side, run = m.numbers.exhausted.item(), m.numbers.run.item()
-        of_start = vertex == m.goals.count.item(1)
-        if side == START_SIDE:
-            return (m.search.done[nodes] == run) != of_start
-        if side == GOAL_SIDE and len(self.goals) == 1:
-            return (m.search.flood[nodes] == run) == of_start
-        return np.ones(len(nodes), np.bool_)
+        goals = m.goals.vertex[: m.goals.count.item(0)].tobytes()
+        number, known, free = self._ends
+        if number != self.frame.number or known != goals:
+            free = bool(judge.ends_free(m.table))
+            self._ends = self.frame.number, goals, free
+        return free
 
     def _update_cost_to_any(self) -> None:
         """Let h_any be the least cost to go, over the goals."""
@@ -657,13 +653,15 @@ class Attacher:
 
     # --- inside ----------------------------------------------------------------
 
-    def distances(self, q: np.ndarray) -> np.ndarray:
-        """Return how far q is from each node, weighted; the next call overwrites it."""
-        roadmap = self.roadmap
-        kernels.distances(
-            roadmap.nodes, q, roadmap.weights, self.frame.robot.continuous, self.near
-        )
-        return self.near
+    def distances(self, q: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        """Return how far q is from each node, weighted; the next call overwrites it.
+
+        With `out` (n,) they are written there alone.
+        """
+        roadmap, out = self.roadmap, self.near if out is None else out
+        continuous = self.frame.robot.continuous
+        kernels.distances(roadmap.nodes, q, roadmap.weights, continuous, out)
+        return out
 
     def _lengths(self, ids: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
         """Write how far q is from the nodes `ids` (k,), weighted, to `out` (k,)."""
@@ -694,14 +692,17 @@ class Attacher:
         return few
 
     def _set_beyond(self, towards_goals: bool) -> None:
-        """Set the cost beyond each node: to the goals, or to the robot's place."""
+        """Set the cost beyond each node: to the goals, or to the robot's place.
+
+        The distances of the nodes that were reckoned last stay.
+        """
         m = self.frame.memory
         self.beyond = None
         if towards_goals and m.goals.count[0]:
             self.beyond = m.robot_state.h_any
         elif not towards_goals and np.isfinite(self.frame.q).all():
-            self.distances(self.frame.q)
-            self.beyond = self.near.copy()
+            self.beyond = self._to_robot
+            self.distances(self.frame.q, self.beyond)
 
     def _next(
         self, q: np.ndarray, vertex: int, wanted: int, most: int, outward: bool

@@ -16,7 +16,6 @@ from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.planner.settings import ConnectSettings
 from odm.search import _connect as kernels
-from odm.search._judge import ends_free
 from odm.search._state import NO_ITEM
 
 
@@ -71,6 +70,7 @@ class Connector:
         self.found.count[:] = self.found.next[:] = 0
         self._root, self._goals, self._lacks_cells = b"", b"", False
         self._place, self.is_new = b"", False
+        self._vertices = set(self.found.vertex.ravel().tolist())  # of found paths
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
         self._frames_to_persist = 0  # in a row that a path must be there to be taken
@@ -139,7 +139,7 @@ class Connector:
     def _is_mine(self) -> bool:
         """Return whether the path in use is one that was found here."""
         corners = self.path.vertex[: max(0, len(self.path) - 1)]
-        return bool((corners[:, None] == self.found.vertex.ravel()).any())
+        return not self._vertices.isdisjoint(corners.tolist())
 
     def improve(self, budget: int) -> int:
         """Go on with the search of a frame that held; return whether it has a path.
@@ -181,7 +181,7 @@ class Connector:
             self._root, self.looked = b"", 0
             self.trees.count[0] = 0
         # before all that it takes to search: most frames that hold end here
-        if not ends_free(frame.memory.table):
+        if not attacher.ends_free:
             self._asked = -1
             return False
         if q != self._root:
@@ -226,6 +226,7 @@ class Connector:
         found.vertex[k, n - 1] = goal
         found.count[k] = n
         found.next[0] = (k + 1) % len(found.count)
+        self._vertices = set(found.vertex.ravel().tolist())
         return True
 
     @property
@@ -283,7 +284,7 @@ class Connector:
         if first < 0:
             return None
         vertex, corners = found.vertex[k, :n], found.q[k, :n]
-        if first == 0 and np.array_equal(corners[0], q):
+        if first == 0 and (corners[0] == q).all():
             return FoundPath(rank, vertex, corners, found.ref[k, : n - 1].tolist())
         if not joins or n + 1 > len(self.path.vertex):
             return None
@@ -324,3 +325,4 @@ class Connector:
             "counts"
         ].tolist()
         self._lacks_cells = bool(lacks)
+        self._vertices = set(self.found.vertex.ravel().tolist())

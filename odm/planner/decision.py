@@ -12,7 +12,6 @@ from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
 from odm.search import _step as step
-from odm.search._judge import ends_free
 
 NEW_GOALS = "new goals"  # and the robot stands
 LINGERS = "lingers"  # the robot has stood for a while
@@ -135,10 +134,12 @@ class Decision:
         joined = code == step.NOT_ATTACHED and self._join(NOT_JOINED, q)
         if joined:
             said, code = self._again(q, now)
-        if code == step.NO_PATH and self._may_lead_on():
+        if code == step.NO_PATH:
             again = not joined and self.attacher.lacks_start  # once a frame
-            if self._join(NO_PATH, q) or (again and self._join_start()):
-                said, code = self._again(q, now)
+            # what is joined to many nodes has no row
+            if (again or not self.attacher.is_attached(q)) and self.may_lead_on():
+                if self._join(NO_PATH, q) or (again and self._join_start()):
+                    said, code = self._again(q, now)
         if code == step.BETTER:
             ago = self.frame.number - self._looked
             if ago <= step.BETTER_EVERY and self.robot == STANDS:
@@ -169,7 +170,7 @@ class Decision:
         attacher = self.attacher
         if self.joined or attacher.lacks_start or not attacher.lacks_nodes:
             return False
-        if not self._may_lead_on() or not attacher.attach_free(most):
+        if not self.may_lead_on() or not attacher.attach_free(most):
             return False
         self.joined = True
         return True
@@ -179,9 +180,9 @@ class Decision:
         q, now = self._memory.robot_state.q, _NO_TIME if now is None else now
         return self._again(q, now)[0]
 
-    def _may_lead_on(self) -> bool:
+    def may_lead_on(self) -> bool:
         """Return whether other motions could help: the robot and a goal stand free."""
-        return len(self.attacher.goals) > 0 and ends_free(self._memory.table)
+        return len(self.attacher.goals) > 0 and self.attacher.ends_free
 
     def _again(self, q: np.ndarray, now: float) -> tuple[int, int]:
         said = step.respond(self._memory.table, q, now)

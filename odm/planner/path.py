@@ -172,10 +172,13 @@ class PathInUse:
     def lead(
         self, goal: int, vertex: np.ndarray, q: np.ndarray, item: list[int]
     ) -> None:
-        """Let it be another path, to a goal of that rank; see `write`."""
+        """Let it be another path, to a goal of that rank, of new motions alone."""
         self.withdraw()
-        self._count[0], self._count[1] = 0, goal
-        self.write(vertex, q, item, [-1] * len(item))
+        n = self._count[0] = len(vertex)
+        self._count[1] = goal
+        self.vertex[:n], self.q[:n], self.item[: n - 1] = vertex, q, item
+        kernels.unwrap(self._path, self.frame.robot.continuous)
+        kernels.certify_whole(self._path, 0, self._certificates)
         self._numbers.segment[0] = self._numbers.same[0] = 0
 
     def save(self) -> dict[str, np.ndarray]:

@@ -549,16 +549,17 @@ class ReactivePlanner:
         taken = False
         if code in codes.HAS_NO_PATH:
             found = connector.remembered(q, patience, decision.waits)
-            moves = decision.robot == MOVES
-            first, joined = connector.is_new and not moves, False
-            if found is None and code == codes.NO_PATH:
-                joined = decision.join_more(_NODES_AT_FIRST if first else 1)
-            if joined:
-                more = decision.again(now)
-                if more % _SEGMENT <= _PLANNED:
-                    return self._say(q, more, times, closed)
-            if found is None and (first or not joined):
-                found = connector.search(q, moves)
+            if found is None:
+                moves = decision.robot == MOVES
+                first, joined = connector.is_new and not moves, False
+                if code == codes.NO_PATH:
+                    joined = decision.join_more(_NODES_AT_FIRST if first else 1)
+                if joined:
+                    more = decision.again(now)
+                    if more % _SEGMENT <= _PLANNED:
+                        return self._say(q, more, times, closed)
+                if first or not joined:
+                    found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:
             trouble = start_trouble(self.robot, self.frame.q, code)

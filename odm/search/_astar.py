@@ -16,7 +16,13 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.search._bound import free_bound, recent_bound, remember_path
+from odm.search._bound import (
+    GOAL_SIDE,
+    START_SIDE,
+    free_bound,
+    recent_bound,
+    remember_path,
+)
 from odm.search._invalidation import refresh
 from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, item_free
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
@@ -37,8 +43,6 @@ ITEMS = 50_000
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
-# of a search without a path: `done`, or `flood`, tells all that is reached from there
-START_SIDE, GOAL_SIDE = 1, 2
 
 
 @njit(**INNER)
@@ -134,7 +138,7 @@ def verify(state, starts, entry, only):
     n = view(state, "graph").adj_ptr.shape[0] - 1
     v, ref = search.e_node[entry], search.e_ref[entry]
     if v < n and not item_free(state, v):
-        search.done[v] = view(state, "numbers").run[0]
+        search.done[v], search.g[v] = view(state, "numbers").run[0], math.inf
         return BLOCKED
     if v >= n:
         g, a = v - n, -2 - ref
@@ -190,6 +194,13 @@ def enter_goals(state, entry, low, high, bound):
 
 
 @njit(**INNER)
+def note_edge(state, w, item):
+    """Note what is hit where an edge to node w, or its list, is: once a frame."""
+    if item_free(state, w):
+        item_free(state, item)
+
+
+@njit(**INNER)
 def expand(state, entry, h, bound, greed):
     """Add the edges that leave a vertex; False where there is no room for them.
 
@@ -212,6 +223,7 @@ def expand(state, entry, h, bound, greed):
             # an edge's count has its end nodes in it
             item = n + graph.adj_edge[k]
             if is_hit(graph, item) or graph.closed[item]:
+                note_edge(state, np.int64(w), item)
                 continue
         elif search.memo[w] == 2 * frame + 1:
             continue
@@ -278,6 +290,7 @@ def flood_step(state):
             continue
         if stats.counted[0] != 0:
             if is_hit(graph, item) or graph.closed[item]:
+                note_edge(state, np.int64(w), item)
                 continue
         elif not item_free(state, w) or not item_free(state, item):
             continue
@@ -369,6 +382,8 @@ def a_star(state, starts, only):
                 search.waiting[0] += 1
                 continue
         search.done[v] = run
+        if v < n:
+            search.g[v] = search.e_g[entry]
         popped += 1
         if avoid_history and popped == TOLLED:
             avoid_history = False

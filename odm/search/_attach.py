@@ -6,7 +6,16 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
-from roadmap.jit_options import LEAN, WITHIN_INNER
+from odm.close_test._close import displacement, set_point
+from odm.search._bound import GOAL_SIDE, START_SIDE
+from odm.search._items import item_free
+from odm.search._judge import close_free, stands_free
+from odm.search._state import view
+from roadmap.jit_options import INNER, LEAN, WITHIN_INNER
+
+# of what `free_first` returns: how many nodes are free, and how many it looked at
+FREE_NODES, LOOKED_AT = 0xFFFF, 16
+WAITS, IS_FREE, IS_BLOCKED = 0, 1, 2  # what it finds of a node
 
 
 @njit(**WITHIN_INNER)
@@ -113,3 +122,79 @@ def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
             best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
         # rounding must not lift the bound above the truth
         h[i] = best * (1.0 - 1e-12)
+
+
+@njit(**INNER)
+def leads_on(state, v, of_start):
+    """Return True where a motion between node v and the start, or a goal, may help now.
+
+    A search that has no path knows all that is reached from the start, or from the
+    goal. A motion helps where it joins what the one reaches with what it does not.
+    """
+    numbers, search = view(state, "numbers"), view(state, "search")
+    side, run = numbers.exhausted[0], numbers.run[0]
+    if side == START_SIDE:
+        return (search.done[v] == run) != of_start
+    if side == GOAL_SIDE and view(state, "goals").count[0] == 1:
+        return (search.flood[v] == run) == of_start
+    return True
+
+
+@njit(**INNER)
+def free_again(state, q, vertex, v):
+    """Return True if the close test frees the motion from a vertex at q to node v.
+
+    It is most likely blocked where it was the last time: that is looked at first.
+    """
+    looks, robot = view(state, "looks"), view(state, "robot_state")
+    displacement(q, view(state, "graph").nodes[v], robot.continuous, robot.dq)
+    if looks.vertex[v] == vertex:
+        set_point(q, robot.dq, looks.at[v], robot.scratch_q)
+        if not stands_free(state, robot.scratch_q):
+            return False
+    if close_free(state, q, robot.dq):
+        looks.vertex[v] = -1
+        return True
+    looks.vertex[v], looks.at[v] = vertex, view(state, "work").value[0]
+    return False
+
+
+@njit(**LEAN)
+def free_first(state, q, waiting, vertex, looks, ordered, found):
+    """Order nodes that wait to be joined: what q can go to in this frame comes first.
+
+    Only nodes that may lead on are looked at, by the close test of the motion to them.
+    Those that are blocked come last; among themselves all stay in order.
+
+    Args:
+        state: The table.
+        q: (dof,) the start's or a goal's configuration [rad or m].
+        waiting: (k,) the nodes.
+        vertex: Number of the start or of the goal.
+        looks: Nodes that are looked at, at most.
+        ordered: (k,) where the nodes are written to.
+        found: (k,) scratch.
+
+    Returns:
+        How many are free, and LOOKED_AT bits higher how many were looked at.
+    """
+    free = looked = 0
+    of_start = vertex == view(state, "goals").count[1]
+    for k in range(waiting.shape[0]):
+        found[k] = WAITS
+        if looked == looks or not leads_on(state, waiting[k], of_start):
+            continue
+        looked += 1
+        found[k] = IS_BLOCKED
+        if not item_free(state, waiting[k]):
+            continue
+        if free_again(state, q, vertex, waiting[k]):
+            found[k] = IS_FREE
+            free += 1
+    at = 0
+    for kind in (IS_FREE, WAITS, IS_BLOCKED):
+        for k in range(waiting.shape[0]):
+            if found[k] == kind:
+                ordered[at] = waiting[k]
+                at += 1
+    return free + (looked << LOOKED_AT)

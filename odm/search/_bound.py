@@ -1,7 +1,14 @@
-"""Paths that earlier long searches found give an upper bound for the next search.
+"""What earlier searches found and showed, for the next one.
 
-Where one of them is free in this frame, no path longer than it is of interest: A* need
-not keep entries beyond it, and returns what it would have returned anyway.
+Paths that earlier long searches found give an upper bound: where one of them is free in
+this frame, no path longer than it is of interest: A* need not keep entries beyond it,
+and returns what it would have returned anyway.
+
+The last search gives more. Whatever is shorter than its path leads over something that
+was blocked then, for it looked at all that is shorter. While all of that is blocked and
+the path is free, it is still the shortest, without a search; what came free and cannot
+shorten it by a thousandth is let be. In the same way there is no path yet where there
+was none.
 """
 
 import math
@@ -9,12 +16,31 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.search._items import FREE, goal_motion_free, item_free
+from odm.search._items import (
+    BLOCKED,
+    FREE,
+    MAYBE,
+    REFUSED,
+    goal_motion_free,
+    item_free,
+)
+from odm.search._judge import goal_motion_clear, start_clear
+from odm.search._paths import take_shortcuts, unwrap
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
-from odm.search._state import EDGE_BASE, view
+from odm.search._state import EDGE_BASE, IS_GOAL, view
+from roadmap._rows import copy_row
 from roadmap.jit_options import INNER
 
 ROUNDING = 1.0 + 1e-9
+# what holds of the last search: nothing that is known; its path is free and the
+# shortest; there is no path
+UNKNOWN, SHORTEST, NO_WAY = 0, 1, 2
+NEARLY = 1.001  # times the length of the shortest path counts as short as that
+BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
+N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
+# of a search without a path: `done`, or `flood`, tells all that is reached from there
+START_SIDE, GOAL_SIDE = 1, 2
+MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 
 @njit(**INNER)
@@ -127,3 +153,308 @@ def row_with(earlier, r):
         if same:
             return s
     return -1
+
+
+@njit(**INNER)
+def forget_proof(state):
+    """Let nothing be known of the last search."""
+    view(state, "proof").of[0] = -1
+
+
+@njit(**INNER)
+def blocked_by(memo, frame):
+    """Return by what a motion was found blocked in this frame; 0: it was not."""
+    if memo == 4 * frame + BLOCKED:
+        return BY_CELLS
+    return BY_CLOSE_TEST if memo == 4 * frame + REFUSED else 0
+
+
+@njit(**INNER)
+def keep_proof(state, starts, start_vertex, g, entry):
+    """Keep what the last search showed, to goal g, whose heap entry is `entry`.
+
+    -1: there is no path. Nothing is kept of a start that is on its way, or where more
+    was blocked than there is room for.
+    """
+    proof, search, goals = (
+        view(state, "proof"),
+        view(state, "search"),
+        view(state, "goals"),
+    )
+    numbers = view(state, "numbers")
+    frame, items, count = numbers.frame[0], search.hits[0], 0
+    proof.of[0] = -1
+    if start_vertex != goals.count[1] or items > search.hit.shape[0]:
+        return
+    proof.length[0] = math.inf
+    if entry >= 0:
+        first = search.e_from[entry]
+        e = first
+        while e >= 0:
+            e = search.e_from[e]
+            count += 1
+        if count == 0 or count + 2 > view(state, "found_path").vertex.shape[0]:
+            return
+        proof.length[0], proof.by[1] = search.e_g[entry], -2 - search.e_ref[entry]
+        e = first
+        for k in range(count - 1, -1, -1):
+            proof.node[k] = search.e_node[e]
+            if k > 0:
+                proof.edge[k - 1] = EDGE_BASE - search.e_ref[e]
+            else:
+                proof.by[0] = -2 - search.e_ref[e]
+            e = search.e_from[e]
+    for k in range(starts.count[0]):
+        proof.start_out[k] = blocked_by(starts.memo[k], frame)
+    for a in range(goals.number[g]):
+        proof.goal_out[a] = blocked_by(goals.memo[g, a], frame)
+    for i in range(items):
+        proof.item[i] = search.hit[i]
+    proof.count[N_ITEMS], proof.count[N_NODES] = items, count
+    proof.count[RUN], proof.count[SIDE] = numbers.run[0], numbers.exhausted[0]
+    if entry >= 0 and search.memo.shape[0] > view(state, "rules").large[0]:
+        proof.count[RUN] = -1  # it may have been greedy: what it closed is no bound
+    proof.of[0], proof.of[1] = start_vertex, goals.vertex[g]
+    proof.of[2], proof.of[3] = starts.count[0], goals.number[g]
+
+
+@njit(**INNER)
+def start_open(state, starts, k, asks):
+    """Return True if start motion k is free: by cells, or the close test if `asks`.
+
+    That is asked in any case where the cells do not tell.
+    """
+    verdict = starts.memo[k] - 4 * view(state, "numbers").frame[0]
+    if verdict == MAYBE or (verdict == BLOCKED and asks and starts.static[k] == 1):
+        return start_clear(state, starts, k)
+    return verdict == FREE
+
+
+@njit(**INNER)
+def entry_open(state, g, a, asks):
+    """Return True if attachment a of goal g is free; see `start_open`."""
+    goals = view(state, "goals")
+    if goal_motion_free(state, g, a):
+        return True
+    verdict = goals.memo[g, a] - 4 * view(state, "numbers").frame[0]
+    if verdict == MAYBE or (verdict == BLOCKED and asks):
+        return goal_motion_clear(state, g, a)
+    return False
+
+
+@njit(**INNER)
+def seek_from(state, v, length, h):
+    """Queue node v, reached by `length`, if that may lead to what is shorter."""
+    search, proof = view(state, "search"), view(state, "proof")
+    if not NEARLY * (length + h[v]) < proof.length[0]:
+        return
+    if search.done[v] == proof.count[RUN] and search.g[v] <= length:
+        return
+    stamp = -proof.count[SOUGHT]
+    if search.near_run[v] == stamp and search.near_g[v] <= length:
+        return
+    if search.made[0] < search.e_node.shape[0]:
+        search.near_run[v], search.near_g[v] = stamp, length
+        search.e_node[search.made[0]], search.e_g[search.made[0]] = v, length
+    search.made[0] += 1
+
+
+@njit(**INNER)
+def seek_over(state, starts, item, h):
+    """Queue the nodes that are reached over an item that has come free."""
+    search, graph = view(state, "search"), view(state, "graph")
+    proof, n = view(state, "proof"), graph.adj_ptr.shape[0] - 1
+    run = proof.count[RUN]
+    first, last = item, item
+    if item >= n:
+        first = np.int64(graph.edges[item - n, 0])
+        last = np.int64(graph.edges[item - n, 1])
+    for v in (first, last):
+        if not item_free(state, v):
+            continue
+        best = math.inf
+        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+            u = graph.adj_node[k]
+            if search.done[u] == run and search.g[u] + graph.adj_length[k] < best:
+                if item_free(state, n + graph.adj_edge[k]):
+                    best = search.g[u] + graph.adj_length[k]
+        for k in range(starts.count[0]):
+            if starts.node[k] == v and proof.start_out[k] == 0:
+                best = min(best, starts.length[k])
+        seek_from(state, v, best, h)
+
+
+@njit(**INNER)
+def nothing_shorter(state, g, h, asks):
+    """Return whether what has come free leads to no shorter path to goal g.
+
+    From the nodes that are queued; only nodes count that the last search did not close,
+    or by a longer path. False, too, where that cannot be told by a few nodes. `asks`:
+    the close test is asked of a motion into the goal whose cells are occupied.
+    """
+    search, graph, goals = (
+        view(state, "search"),
+        view(state, "graph"),
+        view(state, "goals"),
+    )
+    proof, frame = view(state, "proof"), view(state, "numbers").frame[0]
+    n, head = graph.adj_ptr.shape[0] - 1, 0
+    while head < search.made[0]:
+        if head == MOST_SOUGHT or search.made[0] > search.e_node.shape[0]:
+            return False
+        v, length = search.e_node[head], search.e_g[head]
+        head += 1
+        if search.near_g[v] < length or not item_free(state, np.int64(v)):
+            continue
+        search.done[v], search.g[v] = proof.count[RUN], length
+        a = goals.at[g, v]
+        if a >= 0:
+            whole = length + goals.length[g, a] + goals.cost[g]
+            if NEARLY * whole < proof.length[0]:
+                if entry_open(state, g, a, asks):
+                    return False
+                proof.goal_out[a] = blocked_by(goals.memo[g, a], frame)
+        for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
+            w, more = np.int64(graph.adj_node[k]), length + graph.adj_length[k]
+            if not NEARLY * (more + h[w]) < proof.length[0]:
+                continue
+            if search.done[w] == proof.count[RUN] and search.g[w] <= more:
+                continue
+            if item_free(state, w) and item_free(state, n + graph.adj_edge[k]):
+                seek_from(state, w, more, h)
+    return True
+
+
+@njit(**INNER)
+def is_by_close_test(state, starts, g):
+    """Return True where the path's motions at its ends are blocked by their cells.
+
+    So it is where there is no path.
+    """
+    proof, goals = view(state, "proof"), view(state, "goals")
+    blocked = 4 * view(state, "numbers").frame[0] + BLOCKED
+    if proof.count[N_NODES] == 0 or starts.memo[proof.by[0]] == blocked:
+        return True
+    a = proof.by[1]
+    return not goal_motion_free(state, g, a) and goals.memo[g, a] == blocked
+
+
+@njit(**INNER)
+def nothing_opened(state, starts, g, h):
+    """Return whether what has come free since leads to no shorter path to goal g."""
+    proof, search, goals = (
+        view(state, "proof"),
+        view(state, "search"),
+        view(state, "goals"),
+    )
+    # what was closed then tells where to go on from what has come free
+    seeks = proof.count[RUN] == view(state, "numbers").run[0]
+    seeks = seeks and proof.count[SIDE] != GOAL_SIDE
+    asks = view(state, "rules").close_test_connections[0] > 0
+    # where cells leave no path, a search asks the close test of all motions
+    asks_all = asks and is_by_close_test(state, starts, g)
+    proof.count[SOUGHT] += 1
+    search.made[0] = 0
+    opened = False
+    for i in range(proof.count[N_ITEMS]):
+        if item_free(state, np.int64(proof.item[i])):
+            if not seeks:
+                return False
+            opened = True
+            seek_over(state, starts, np.int64(proof.item[i]), h)
+    for k in range(starts.count[0]):
+        out, v = proof.start_out[k], starts.node[k]
+        if out == 0 or NEARLY * (starts.length[k] + h[v]) >= proof.length[0]:
+            continue
+        again = asks_all or (asks and out == BY_CLOSE_TEST)
+        if item_free(state, v) and start_open(state, starts, k, again):
+            if not seeks:
+                return False
+            opened = True
+            proof.start_out[k] = 0
+            seek_from(state, v, starts.length[k], h)
+    for a in range(goals.number[g]):
+        out, v = proof.goal_out[a], goals.node[g, a]
+        again = asks_all or (asks and out == BY_CLOSE_TEST)
+        if out != 0 and item_free(state, v) and entry_open(state, g, a, again):
+            return False
+    if not opened:
+        return True
+    if not nothing_shorter(state, g, h, asks) or search.hits[0] > search.hit.shape[0]:
+        return False
+    # all that is in the way now was looked at in this frame
+    for i in range(search.hits[0]):
+        proof.item[i] = search.hit[i]
+    proof.count[N_ITEMS] = search.hits[0]
+    return True
+
+
+@njit(**INNER)
+def what_holds(state, starts, start_vertex, g, h):
+    """Return what the last search showed and holds in this frame, for goal g.
+
+    Args:
+        state: The table.
+        starts: Motions from the start, judged by this frame.
+        start_vertex: Of the start.
+        g: Rank of the goal, whose motions are judged.
+        h: (n,) cost to go to it.
+    """
+    proof, goals = view(state, "proof"), view(state, "goals")
+    numbers = view(state, "numbers")
+    if proof.of[0] != start_vertex or proof.of[1] != goals.vertex[g]:
+        return UNKNOWN
+    if proof.of[2] != starts.count[0] or proof.of[3] != goals.number[g]:
+        return UNKNOWN
+    nodes, n = proof.count[N_NODES], view(state, "graph").adj_ptr.shape[0] - 1
+    if nodes == 0 and numbers.run[0] != proof.count[RUN]:
+        return UNKNOWN
+    # what comes next changes what is known, and else a search does
+    proof.of[0] = -1
+    for k in range(nodes):
+        if not item_free(state, np.int64(proof.node[k])):
+            return UNKNOWN
+        if k > 0 and not item_free(state, n + np.int64(proof.edge[k - 1])):
+            return UNKNOWN
+    if not nothing_opened(state, starts, g, h):
+        return UNKNOWN
+    if nodes == 0:
+        numbers.exhausted[0] = proof.count[SIDE]
+        proof.of[0] = start_vertex
+        return NO_WAY
+    asks = view(state, "rules").close_test_connections[0] > 0
+    if not start_open(state, starts, proof.by[0], asks):
+        return UNKNOWN
+    if not entry_open(state, g, proof.by[1], asks):
+        return UNKNOWN
+    proof.of[0] = start_vertex
+    return SHORTEST
+
+
+@njit(**INNER)
+def write_shortest(state, starts, start_vertex, g):
+    """Write the path of the last search to `found_path`, as `write_path` did."""
+    proof, goals, graph = (
+        view(state, "proof"),
+        view(state, "goals"),
+        view(state, "graph"),
+    )
+    path, robot = view(state, "found_path"), view(state, "robot_state")
+    nodes, a = proof.count[N_NODES], proof.by[1]
+    path.vertex[0], path.ref[0] = start_vertex, starts.ref[proof.by[0]]
+    copy_row(robot.q, path.q[0])
+    for k in range(nodes):
+        path.vertex[k + 1] = proof.node[k]
+        copy_row(graph.nodes[proof.node[k]], path.q[k + 1])
+        if k > 0:
+            path.ref[k] = EDGE_BASE - np.int64(proof.edge[k - 1])
+    last = nodes + 1
+    if goals.ref[g, a] == IS_GOAL:  # it is no further vertex
+        last = nodes
+    else:
+        path.ref[nodes] = goals.ref[g, a]
+        copy_row(goals.q[g], path.q[last])
+    path.vertex[last] = goals.vertex[g]
+    path.count[0], path.count[1] = last + 1, g
+    unwrap(path, robot.continuous)
+    take_shortcuts(state)

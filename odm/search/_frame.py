@@ -19,6 +19,14 @@ from odm.obstacles._solid_samples import (
     write_samples,
 )
 from odm.search._astar import a_star
+from odm.search._bound import (
+    NO_WAY,
+    SHORTEST,
+    forget_proof,
+    keep_proof,
+    what_holds,
+    write_shortest,
+)
 from odm.search._items import sign_frame
 from odm.search._judge import (
     can_leave,
@@ -63,7 +71,9 @@ def take_points(state, points, n_given):
     mark_more(points, n_given, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
-    sign_frame(cloud, view(state, "graph").region, view(state, "search").signature)
+    search = view(state, "search")
+    sign_frame(cloud, view(state, "graph").region, search.signature)
+    search.hits[0] = 0
     view(state, "numbers").frame[0] += 1
     for count in view(state, "stats"):
         count[0] = 0
@@ -163,15 +173,23 @@ def plan(state, starts, start_vertex, most, last):
         if not judged:
             any_start = judge_starts(state, starts)
             judged = True
-        can_enter = judge_goal(state, g)
         if joint:
+            judge_goal(state, g)
             continue
-        entry = -1
-        if any_start and can_enter:
+        entry, run = -1, view(state, "numbers").run[0]
+        held = what_holds(state, starts, start_vertex, g, goals.h[g])
+        if held == SHORTEST and not avoid_history:
+            write_shortest(state, starts, start_vertex, g)
+            return True
+        any_start = judge_starts(state, starts)  # the close test was asked of some
+        can_enter = judge_goal(state, g)
+        if any_start and can_enter and held != NO_WAY:
             entry = a_star(state, starts, g)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
+        if held == NO_WAY:
+            continue
         if entry < 0:
             offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
@@ -185,18 +203,45 @@ def plan(state, starts, start_vertex, most, last):
             if offered == SEARCH:
                 entry = a_star(state, starts, g)
             leaves = entry >= 0 or can_leave(state, starts)
-        if entry >= 0 and write_path(state, starts, entry, start_vertex):
-            take_shortcuts(state)
+        keep_run(state, starts, start_vertex, g, entry, run)
+        if take_entry(state, starts, entry, start_vertex):
             return True
-    if not joint:
-        return False
+    return joint and plan_jointly(state, starts, start_vertex, any_start, most)
+
+
+@njit(**INNER)
+def plan_jointly(state, starts, start_vertex, any_start, most):
+    """Search to all goals by their costs; True where `found_path` is a path."""
     if not any_start:
         offer_starts(state, starts, most)
     entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
-    if entry >= 0 and write_path(state, starts, entry, start_vertex):
-        take_shortcuts(state)
-        return True
-    return False
+    return take_entry(state, starts, entry, start_vertex)
+
+
+@njit(**INNER)
+def take_entry(state, starts, entry, start_vertex):
+    """Let `found_path` be that of a heap entry, shortened; False where it is none."""
+    if entry < 0 or not write_path(state, starts, entry, start_vertex):
+        return False
+    take_shortcuts(state)
+    return True
+
+
+@njit(**INNER)
+def keep_run(state, starts, start_vertex, g, entry, run):
+    """Keep what the searches after number `run` showed of goal g, if they did.
+
+    Where tolls were paid, that path is not the shortest.
+    """
+    numbers = view(state, "numbers")
+    if numbers.run[0] == run:
+        return
+    if entry < 0 and numbers.exhausted[0] == 0:
+        forget_proof(state)
+    elif entry >= 0 and numbers.avoid_history[0] != 0:
+        forget_proof(state)
+    else:
+        keep_proof(state, starts, start_vertex, g, entry)
 
 
 @njit(**INNER)

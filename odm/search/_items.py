@@ -66,6 +66,14 @@ def graph_hit(words, graph, item):
 
 
 @njit(**INNER)
+def note_hit(search, item):
+    """Note that a roadmap item is hit in this frame; more than fit are but counted."""
+    if search.hits[0] < search.hit.shape[0]:
+        search.hit[search.hits[0]] = item
+    search.hits[0] += 1
+
+
+@njit(**INNER)
 def item_free(state, item):
     """Return True if no occupied cell is in the list of a roadmap item; remembered."""
     graph, search, stats = (
@@ -87,6 +95,8 @@ def item_free(state, item):
             if graph_hit(words, graph, item):
                 hit = 1
     search.memo[item] = 2 * frame + hit
+    if hit != 0:
+        note_hit(search, item)
     return hit == 0
 
 

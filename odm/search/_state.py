@@ -147,9 +147,11 @@ class Search(NamedTuple):
     # 2 * frame + hit of a roadmap item
     memo: np.ndarray = array("i8", "n+m", FRAME, -1)
     # run in which a vertex was closed
-    done: np.ndarray = array("i8", "n+goals", FRAME)
+    done: np.ndarray = array("i8", "n+goals", GOAL)
+    # length of the path by which a node was closed, infinite: it is blocked
+    g: np.ndarray = array("f8", "n", GOAL)
     # run in which the goal's side reached a node
-    flood: np.ndarray = array("i8", "n", FRAME)
+    flood: np.ndarray = array("i8", "n", GOAL)
     queue: np.ndarray = array("i8", "n", FRAME)
     # run in which a node was reached by what is free, and the least length there
     near_run: np.ndarray = array("i8", "n", FRAME)
@@ -167,6 +169,16 @@ class Search(NamedTuple):
     head: np.ndarray = array("i8", "1", FRAME)  # of the flood's queue, and its tail
     tail: np.ndarray = array("i8", "1", FRAME)
     signature: np.ndarray = array("u8", "4", FRAME)  # of the frame's occupied blocks
+    # roadmap items that were found hit in this frame, and how many: see `Proof`
+    hit: np.ndarray = array("i4", "proof", FRAME)
+    hits: np.ndarray = array("i8", "1", FRAME)
+
+
+class Looks(NamedTuple):
+    """Where motions to nodes that wait to be joined were blocked last, node by node."""
+
+    vertex: np.ndarray = array("i8", "n", GOAL, -1)  # of the start or the goal
+    at: np.ndarray = array("f4", "n", GOAL)  # share of the motion from there
 
 
 class Stats(NamedTuple):
@@ -191,6 +203,30 @@ class EarlierPaths(NamedTuple):
     length: np.ndarray = array("f8", "earlier corners", GOAL)
     # nodes of each; next to be replaced; found last
     count: np.ndarray = array("i8", "earlier+2", GOAL)
+
+
+class Proof(NamedTuple):
+    """What the search that was asked last showed; see `_bound.py`.
+
+    Every shorter path, or every path where there was none, leads over something that
+    was blocked in that frame: one of these items or of these motions.
+    """
+
+    item: np.ndarray = array("i4", "proof", GOAL)
+    # 1: a motion from the start, or into the goal, that was blocked
+    start_out: np.ndarray = array("u1", "joins", GOAL)
+    goal_out: np.ndarray = array("u1", "joins", GOAL)
+    # nodes of the path from the start's side, and the edge to the next one
+    node: np.ndarray = array("i4", "corners", GOAL)
+    edge: np.ndarray = array("i4", "corners", GOAL)
+    # motion from the start and into the goal that it goes by
+    by: np.ndarray = array("i8", "2", GOAL)
+    length: np.ndarray = array("f8", "1", GOAL)  # of it, costs included
+    # vertices of start (-1: nothing is shown) and goal, numbers of their motions
+    of: np.ndarray = array("i8", "4", GOAL, -1)
+    # items; nodes of the path, 0: there is none; search whose closed nodes count, -1:
+    # none; side that was exhausted; searches for what is shorter
+    count: np.ndarray = array("i8", "5", GOAL)
 
 
 class Path(NamedTuple):
@@ -416,8 +452,10 @@ class Groups:
     start_connections: Starts  # of the configuration that was attached last
     path_ends: Starts  # of a robot on its path: the ends of its segment
     search: Search
+    looks: Looks
     stats: Stats
     earlier_paths: EarlierPaths
+    proof: Proof
     shortcuts: Shortcuts
     path: Path  # in use
     found_path: Path  # found last

@@ -39,6 +39,7 @@ _SIZES = {
     "item_entries": 1_000_000,
     "shortcuts": 8192,
     "earlier": 8,
+    "proof": 1024,
     "branches": 2048,
     "route": 256,
     "found": 4,

@@ -10,6 +10,7 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.planner.saved_memory import differences
 from odm.search._astar import START_SIDE
+from odm.search._attach import WAITS, free_first
 from odm.search._items import FREE
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
@@ -429,11 +430,20 @@ def reached(planner, nodes):
     return seen
 
 
+def looked_at(planner, nodes, vertex):
+    """Return (k,) which nodes a frame without a path looks at, to join a vertex."""
+    ordered, found = np.empty((2, len(nodes)), np.int64)
+    q, most = planner.frame.q, len(nodes)
+    free_first(planner.memory.table, q, nodes, vertex, most, ordered, found)
+    assert sorted(ordered.tolist()) == nodes.tolist()
+    return found != WAITS
+
+
 def test_a_motion_leads_on_where_it_joins_what_a_search_reached_with_what_not(
     small_map, scenes
 ):
     planner = odm.ReactivePlanner(small_map, True, settings=OFF)
-    m, attacher = planner.memory, planner.attacher
+    m = planner.memory
     every, told = np.arange(small_map.roadmap.n_nodes), 0
     bad = np.zeros(len(every), np.bool_)
     for scene in scenes:
@@ -458,8 +468,8 @@ def test_a_motion_leads_on_where_it_joins_what_a_search_reached_with_what_not(
         if m.numbers.exhausted.item() == START_SIDE:
             assert np.array_equal(by_walk, known & ~bad)
         leads_on, opposite = (
-            attacher._leads_on(every, near),
-            attacher._leads_on(every, far),
+            looked_at(planner, every, near),
+            looked_at(planner, every, far),
         )
         assert not (leads_on & known).any() and (leads_on | known).all()
         assert np.array_equal(opposite, known)
