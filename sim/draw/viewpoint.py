@@ -68,7 +68,7 @@ class Camera:
 
 
 FAR_PLANE, STEP_BACK, MOST_STEPS = 3.0, 1.1, 12
-CUT, SPILL = 0.25, 0.05  # shares of a body outside: too large; allowed then
+CUT, SPILL = 0.25, 0.05  # shares of a body outside: too large; allowed then, if less
 TURNS = np.radians([0, -30, 30, -60, 60, -90, 90, -120, 120, -150, 150, 180])
 FAR_TURN = 0.04  # a turn by half a circle must show so much more to be worth it
 
@@ -135,7 +135,7 @@ def framed(
             target=tuple(middle.tolist()),
             far=max(camera.far, away + FAR_PLANE),
         )
-        if _outside(found, balls) <= SPILL:
+        if _outside(found, balls) <= min(SPILL, cut):
             break
         step = STEP_BACK * step
     return found

@@ -39,6 +39,7 @@ class LadderFilm(FilmSettings):
     height: int = 480
     fps: float = 8.0
     fov_deg: float = 44.0
+    max_bytes: int = 8_000_000  # it lasts a minute and a half
 
     def camera(self) -> Camera:
         """Return the camera, farther off and looking higher."""

@@ -56,7 +56,7 @@ def write_story_film(
     settings = settings or FilmSettings(width=560, height=420, fps=8.0, fov_deg=40.0)
     step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)
     shown = range(0, record.frames, step)
-    moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
+    moments = [shown[k * (len(shown) - 1) // 12] for k in range(13)]
     canvas = Canvas(_camera(record, robot, moments, settings))
     pictures = []
     for k, i in enumerate(shown):
@@ -81,7 +81,11 @@ def _camera(
         robots.append(_bodies(record, robot, i)[0])
         arms.append(_beads(_near(rows[arm])))
         rest.append(_beads(_near(rows[above])))
-    camera = framed(settings.camera(), np.vstack(robots + arms + rest), cut=0.0)
+    whole = settings.camera()
+    tan = (1.0 - _WORDS) * np.tan(0.5 * np.radians(whole.fov_deg))
+    above_words = replace(whole, fov_deg=float(np.degrees(2.0 * np.arctan(tan))))
+    camera = framed(above_words, np.vstack(robots + arms + rest), cut=0.0)
+    camera = replace(camera, fov_deg=whole.fov_deg)
     camera = clearest(camera, list(zip(robots, arms, strict=True)), rest[0])
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     down = np.array(
