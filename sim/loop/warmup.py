@@ -210,6 +210,7 @@ def exercise(cell_map: CellMap) -> None:
                 planner.step(points, q=q, dq=np.zeros_like(q))
                 answer = planner.step(points, q=q, stamp=0.0, now=0.01)
                 _ = answer.reason, answer.blockers, answer.retreat
+            planner.attacher.attach_free(1)
             planner.improve(8)
             planner.attacher.attach_more(64)
             planner.decision.sees_better_goal()
