@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
-from odm.cell_map.chunk_work import motion_job
+from odm.cell_map.chunk_work import Standing, motion_job, static_test
 from odm.cell_map.estimate import check_size
 from odm.cell_map.payload import build_payload, envelope_spheres
 from odm.cell_map.recipe import Recipe, load_recipe
 from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.arm import arm_of
-from odm.close_test.static import StaticTest, always_touching
+from odm.close_test.static import always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
@@ -62,7 +62,7 @@ def build_map(
     roadmap, report = build_roadmap(
         robot,
         recipe.roadmap,
-        StaticTest(robot, scenery, recipe.safety, threads=threads).motions_free,
+        static_test(Standing(robot, scenery, recipe.safety), threads).motions_free,
         progress,
         _tested_by(workers, robot, scenery, recipe),
         workers,

@@ -10,6 +10,7 @@ from odm.close_test.static import StaticTest
 from odm.obstacles.scenery import Scenery
 from roadmap.chunks import Job
 from roadmap.errors import BuildRefused
+from roadmap.geometry.self_collision import TOLERANCE
 from roadmap.robot.robot import Robot
 
 _ENTRIES = 160  # first guess per item; a chunk that needs more is done again
@@ -46,9 +47,9 @@ def edge_job(spec: Sweeping) -> Job:
     return Job(f"{__name__}:cells_of_edges", f"{__name__}:as_it_is", spec, "edge", 3)
 
 
-def static_test(spec: Standing) -> StaticTest:
-    """Make the test of motions."""
-    return StaticTest(*spec, threads=1)
+def static_test(spec: Standing, threads: int = 1) -> StaticTest:
+    """Make the test of a roadmap's motions: their ends are drawn, none is needed."""
+    return StaticTest(*spec, threads=threads, finest=TOLERANCE)
 
 
 def as_it_is(spec: Sweeping) -> Sweeping:

@@ -6,11 +6,11 @@ import numpy as np
 
 from odm.cell_map._sweep import ItemCells, merge_lists
 from odm.cell_map.cell_map import CellMap, PayloadLayer
+from odm.cell_map.chunk_work import Standing, static_test
 from odm.cell_map.lists import packed_lists
 from odm.cell_map.recipe import PayloadRecipe, Recipe
 from odm.cell_map.sweep import Progress, sweep_roadmap
 from odm.close_test.arm import arm_of
-from odm.close_test.static import StaticTest
 from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
@@ -116,7 +116,7 @@ def build_payload(
         progress,
         workers,
     )
-    test = StaticTest(loaded, scenery, recipe.safety, threads=threads)
+    test = static_test(Standing(loaded, scenery, recipe.safety), threads)
     ends = np.asarray(roadmap.edges)
     still = np.zeros_like(roadmap.nodes)
     dq = difference(robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])

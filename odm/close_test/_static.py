@@ -20,7 +20,7 @@ from odm.close_test._close import (
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids as Shapes
 from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
-from roadmap.geometry._self_collision import motion_apart
+from roadmap.geometry._self_collision import NEAR_END, motion_apart
 from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds
 
@@ -38,6 +38,8 @@ class Solids(NamedTuple):
     rows: np.ndarray  # (n, 16) see `solid_distance`
     skip: np.ndarray  # (n_bodies, n) pairs that are left out
     margin: float  # [m]
+    # [m] an interval at an end of a motion is given up once no sphere moves by more
+    finest: float = FINE_LENGTH
     # (f, 13) of convex meshes: outward normal, offset, three corners
     faces: np.ndarray = NO_FACES
 
@@ -47,7 +49,8 @@ class Still(NamedTuple):
 
     itself: tuple  # the model of its self-collision,
     margin: float  # how far its links stay apart, and
-    tolerance: float  # to what depth that is looked at [m]
+    tolerance: float  # to what depth that is looked at,
+    finest: float  # ... and at the ends of a motion [m]
     solids: Solids
     scenery: Clearance
     cloud: Cloud  # points of the recipe's scenery
@@ -114,7 +117,7 @@ def hull_distance(faces, first, last, x, y, z):
 @njit(**INNER)
 def body_near_solids(arm, b, f, half, solids, work):
     """Test body b against all solids; 0 free, 1 open, 2 in contact."""
-    rows, skip, margin, faces = solids
+    rows, skip, margin, _, faces = solids
     result = 0
     bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
     wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
@@ -171,6 +174,9 @@ def motion_clear_of_solids(arm, q, dq, solids, work):
         set_point(q, dq, t, work.point)
         body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
         open_ = False
+        last = FINE_LENGTH
+        if 0.5 * dt > NEAR_END * min(t, 1.0 - t):
+            last = solids.finest
         mask = work.masks[top]
         for b in range(1, mask.shape[0]):
             if not mask[b]:
@@ -178,7 +184,7 @@ def motion_clear_of_solids(arm, q, dq, solids, work):
             frame = work.frames[0, b]
             state = body_near_solids(arm, b, frame, 0.5 * dt, solids, work)
             length = work.body_speed[b] * dt
-            ends = length <= FINE_LENGTH or level == MAX_DEPTH
+            ends = length <= last or level == MAX_DEPTH
             if state == 2 or (state == 1 and ends):
                 work.value[0] = t
                 return False
@@ -201,7 +207,7 @@ def motion_free(still, q, dq, scratch):
     arm, work = still.scenery.arm, still.scenery.work
     if not motion_clear_of_solids(arm, q, dq, still.solids, work):
         return False
-    kept = still.margin, still.tolerance
+    kept = still.margin, still.tolerance, still.finest
     if not motion_apart(still.itself, q, dq, *kept, scratch):
         return False
     if not motion_clear(still.scenery, q, dq, still.cloud, still.shapes, False):

@@ -23,7 +23,7 @@ from odm.obstacles.scenery import Scenery
 from roadmap.arrays import writable
 from roadmap.errors import BadInput
 from roadmap.geometry._self_collision import SelfWork, motion_clear
-from roadmap.geometry.self_collision import MARGIN, TOLERANCE, self_collision
+from roadmap.geometry.self_collision import FINEST, MARGIN, TOLERANCE, self_collision
 from roadmap.loading.held_link import extended_collision
 from roadmap.robot.robot import Robot
 
@@ -67,6 +67,9 @@ class StaticTest:
         safety: Its m is kept from scenery, its mu bounds the pieces of a motion.
         grid: Grid for surface points; made for the robot when None.
         threads: Worker threads of `motions_free`; 0 means one per core.
+        finest: The ends of a motion are looked at in pieces down to this length [m]: a
+            robot that stands hardly clear of itself may leave. Edges of a map need no
+            more than TOLERANCE; a planner's start and goals are where they are.
     """
 
     def __init__(
@@ -76,9 +79,11 @@ class StaticTest:
         safety: Safety,
         grid: WorkspaceGrid | None = None,
         threads: int = 0,
+        finest: float = FINEST,
     ) -> None:
         """Lay out scratch and the scenery's points."""
         self.robot, self.scenery, self.safety = robot, scenery, safety
+        self.finest = finest
         self.arm = arm_of(robot)
         self.tolerance = 0.5 * safety.mu
         self.threads = threads or os.cpu_count() or 1
@@ -196,12 +201,13 @@ class StaticTest:
 
     def _solids(self, more: float) -> kernels.Solids:
         kept, scenery = self.safety.m + more, self.scenery
-        return kernels.Solids(scenery.solids, self.skip, kept, scenery.faces)
+        faces, finest = scenery.faces, self.finest
+        return kernels.Solids(scenery.solids, self.skip, kept, finest, faces)
 
     def touches_itself(self, q: np.ndarray, dq: np.ndarray) -> str | None:
         """Say which links the motion q + t dq brings together, or None."""
         pair, t = motion_clear(
-            self.itself.model, q, dq, MARGIN, TOLERANCE, self.scratch()
+            self.itself.model, q, dq, MARGIN, TOLERANCE, self.finest, self.scratch()
         )
         if pair < 0:
             return None
@@ -237,6 +243,7 @@ class StaticTest:
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
+            finest=self.finest,
             solids=self._solids(more),
             scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
             cloud=self.cloud,
@@ -319,7 +326,9 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
         for k in range(len(scenery.solids)):
             skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
             skip[body, k] = False
-            solids = kernels.Solids(scenery.solids, skip, safety.m, scenery.faces)
+            solids = kernels.Solids(
+                scenery.solids, skip, safety.m, faces=scenery.faces
+            )
             touching = all(
                 not kernels.motion_clear_of_solids(arm, q, still, solids, work)
                 for q in sample

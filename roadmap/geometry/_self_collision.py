@@ -13,6 +13,7 @@ from roadmap.kinematics._forward import body_frames
 
 _SHORT = 0.3  # [m] displacement up to which halves are as quick as chords
 _SPARE = 1e-4  # [m] more than GJK is ever off
+NEAR_END = 0.05  # part of the way to an end that an interval there is no longer than
 
 
 class SelfModel(NamedTuple):
@@ -87,20 +88,23 @@ def configuration_clear(model, q, margin, scratch):
 
 
 @njit(**LEAN)
-def motion_clear(model, q, dq, margin, tolerance, scratch):
+def motion_clear(model, q, dq, margin, tolerance, finest, scratch):
     """Prove that no pair comes nearer than `margin` along q + t dq, t in [0, 1].
 
     An interval is clear for a pair if the pair is `margin` plus its largest relative
     displacement over half the interval apart in the middle. Only the pairs that are
     not clear are tested again on its halves, until clear or until the displacement
-    is below `tolerance`.
+    is below `tolerance`. Towards the ends it is halved down to `finest`, so that a
+    robot whose links are close together may move them apart: the distance may grow by
+    little, and only from the end on.
 
     Args:
         model: The tested pairs.
         q: (dof,) start.
         dq: (dof,) whole displacement.
         margin: Distance to keep [m].
-        tolerance: Displacement below which an interval is given up [m], above 0.
+        tolerance: Displacement below which an interval is given up [m], above 0,
+        finest: ... where it is near an end of the motion; at most `tolerance`.
         scratch: May be reused, not shared between threads.
 
     Returns:
@@ -108,11 +112,12 @@ def motion_clear(model, q, dq, margin, tolerance, scratch):
     """
     for p in range(model.pairs.shape[0]):
         scratch.lists[0, p] = p
-    return _halved(model, q, dq, margin, tolerance, scratch, model.pairs.shape[0])
+    limits = (margin, tolerance, finest)
+    return _halved(model, q, dq, limits, scratch, model.pairs.shape[0])
 
 
 @njit(**LEAN)
-def motion_apart(model, q, dq, margin, tolerance, scratch):
+def motion_apart(model, q, dq, margin, tolerance, finest, scratch):
     """Return whether `motion_clear` finds no pair, in a fraction of its time.
 
     What chords prove farther apart than that could refuse is not halved; a pair that
@@ -122,7 +127,7 @@ def motion_apart(model, q, dq, margin, tolerance, scratch):
     for j in range(dq.shape[0]):
         size += abs(q[j]) + abs(dq[j])
     if not size < math.inf or longest < _SHORT:  # chords ask for finite numbers
-        return motion_clear(model, q, dq, margin, tolerance, scratch)[0] < 0
+        return motion_clear(model, q, dq, margin, tolerance, finest, scratch)[0] < 0
     need = margin + tolerance + _SPARE
     chords, first = scratch.chords, scratch.lists[0]
     n, near = apart_along(model, q, dq, margin, need, chords, first)
@@ -130,15 +135,16 @@ def motion_apart(model, q, dq, margin, tolerance, scratch):
         n, first[0] = 1, near
     if n == 0:
         return True
-    pair, _ = _halved(model, q, dq, margin, tolerance, scratch, n)
+    pair, _ = _halved(model, q, dq, (margin, tolerance, finest), scratch, n)
     if near < 0 or pair >= 0:
         return pair < 0
-    return motion_clear(model, q, dq, margin, tolerance, scratch)[0] < 0
+    return motion_clear(model, q, dq, margin, tolerance, finest, scratch)[0] < 0
 
 
 @njit(**INNER)
-def _halved(model, q, dq, margin, tolerance, scratch, n):
+def _halved(model, q, dq, limits, scratch, n):
     """Halve a motion until the first `n` pairs of `lists` are clear."""
+    margin, tolerance, finest = limits
     frames, axes, moves, lists, stack, s, _ = scratch
     _write_moves(model, dq, scratch)
     for k in range(n):
@@ -156,7 +162,9 @@ def _halved(model, q, dq, margin, tolerance, scratch, n):
             for j in range(dq.shape[0]):
                 at[j] = q[j] + t * dq[j]
             body_frames(model.tree_i, model.tree_f, at, frames)
-            left = 0
+            left, last = 0, tolerance
+            if half > NEAR_END * min(t, 1.0 - t):
+                last = finest
             for k in range(int(stack[depth, 2])):
                 p = np.int64(lists[depth, k])
                 move = moves[p] * half
@@ -164,7 +172,7 @@ def _halved(model, q, dq, margin, tolerance, scratch, n):
                 lower, upper = pair_clearance(model, p, frames, need, axes[p], s)
                 if lower >= need:
                     continue
-                if upper < margin or move < tolerance or depth + 2 >= lists.shape[0]:
+                if upper < margin or move < last or depth + 2 >= lists.shape[0]:
                     return p, t
                 lists[depth + 1, left] = p
                 left += 1

@@ -21,6 +21,8 @@ from roadmap.robot.robot import Robot
 MARGIN = 1e-4
 # A motion is given up where a pair is nearer than its displacement over this [m].
 TOLERANCE = 1e-3
+# Near its ends it is given up there [m]: links that are close may move apart.
+FINEST = 1e-5
 _MAX_DEPTH = 40
 _SAMPLES = 500
 ALWAYS = "always in contact"
@@ -148,7 +150,7 @@ def motion_free(
     q_a, q_b = checked(robot, q_a), checked(robot, q_b)
     tested = self_collision(robot)
     dq = difference(robot, q_a, q_b)
-    asked = tested.model, q_a, dq, margin, TOLERANCE, tested.scratch()
+    asked = tested.model, q_a, dq, margin, TOLERANCE, FINEST, tested.scratch()
     if kernels.motion_apart(*asked):
         return True, None
     pair, _ = kernels.motion_clear(*asked)

@@ -7,6 +7,7 @@ from doors import with_door
 from roadmap.geometry import _self_collision as kernels
 from roadmap.geometry._self_chords import write_sags
 from roadmap.geometry.self_collision import (
+    FINEST,
     MARGIN,
     TOLERANCE,
     configuration_free,
@@ -44,7 +45,7 @@ def test_chords_say_what_halving_says(tested, rng):
     refused = free = met_between = 0
     scratch = known.scratch()
     for q, dq in zip(*motions(robot, 1500, rng), strict=True):
-        asked = known.model, q, dq, MARGIN, TOLERANCE, scratch
+        asked = known.model, q, dq, MARGIN, TOLERANCE, FINEST, scratch
         pair, _ = kernels.motion_clear(*asked)
         assert kernels.motion_apart(*asked) == (pair < 0)
         free += pair < 0
@@ -102,5 +103,5 @@ def test_a_configuration_that_is_not_finite_is_never_free(panda):
     for value in (np.nan, np.inf):
         q, dq = np.zeros(7), np.full(7, 0.5)
         q[3] = value
-        asked = known.model, q, dq, MARGIN, TOLERANCE, known.scratch()
+        asked = known.model, q, dq, MARGIN, TOLERANCE, FINEST, known.scratch()
         assert not kernels.motion_apart(*asked)

@@ -108,7 +108,7 @@ def test_a_blocked_motion_comes_near_contact(panda, rng):
     for q in poses(panda, 300, rng):
         dq = rng.normal(size=panda.dof) * 0.4
         scratch = tested.scratch()
-        pair, t = kernels.motion_clear(tested.model, q, dq, MARGIN, 1e-3, scratch)
+        pair, t = kernels.motion_clear(tested.model, q, dq, MARGIN, 1e-3, 1e-3, scratch)
         if pair < 0:
             continue
         blocked += 1
