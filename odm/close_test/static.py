@@ -326,9 +326,7 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
         for k in range(len(scenery.solids)):
             skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
             skip[body, k] = False
-            solids = kernels.Solids(
-                scenery.solids, skip, safety.m, faces=scenery.faces
-            )
+            solids = kernels.Solids(scenery.solids, skip, safety.m, faces=scenery.faces)
             touching = all(
                 not kernels.motion_clear_of_solids(arm, q, still, solids, work)
                 for q in sample

@@ -1,4 +1,4 @@
-"""Which parts of a person go on as they were expected to."""
+"""Which parts of a person go on as they were expected to, and where they can be."""
 
 import math
 from typing import NamedTuple
@@ -18,6 +18,18 @@ class Tracks(NamedTuple):
     rate: np.ndarray  # (k, 2, 3) their velocities, 0 where they are not known [m/s]
     slack: np.ndarray  # (k,) bound on the errors of `rate` [m/s]
     frames: np.ndarray  # (k,) that each part has been followed for
+
+
+class Ability(NamedTuple):
+    """What the parts of a person are able to do from now on."""
+
+    capsules: np.ndarray  # (k, 7) where they are [m]
+    rates: np.ndarray  # (k, 6) velocities of the ends, 0 where not known [m/s]
+    speeds: np.ndarray  # (k,) of the faster end of each [m/s]
+    known: np.ndarray  # (k,) whether its velocity is known, bool
+    error: np.ndarray  # (k,) bound on the error of that velocity [m/s]
+    most: np.ndarray  # (k,) largest acceleration [m/s2]
+    widening: np.ndarray  # (k,) how fast the radius grows [m/s]
 
 
 @njit(**INNER)
@@ -83,3 +95,78 @@ def follow(ends, before, passed, limits, after):
                     or off(ends, k, before, j, passed, True) <= reach
                 )
         after[k] = (count[k] + 1 if agrees else 2) if fits else 1
+
+
+@njit(**INNER)
+def growth(parts, k, limits, t):
+    """Return how far part k can be from where its velocity leads after t [m]."""
+    if not parts.known[k]:
+        return limits[0] + limits[1] * t
+    near = limits[0] + parts.error[k] * t + 0.5 * parts.most[k] * t * t
+    return near + parts.widening[k] * t
+
+
+@njit(**LEAN)
+def write_between(parts, limits, begin, end, rows):
+    """Write capsules that hold each part from `begin` to `end`, in s, to rows (k, 7).
+
+    Returns whether none grows by more than is looked at; else nothing is written.
+
+    Args:
+        parts: What they are able to do.
+        limits: (3,) noise [m], speed of a part whose velocity is not known [m/s], and
+            most that a radius grows by [m].
+        begin: When that begins, after the capsules were measured [s].
+        end: When it ends [s].
+        rows: Result.
+    """
+    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
+    n = parts.capsules.shape[0]
+    for k in range(n):
+        if not growth(parts, k, limits, end) + half * parts.speeds[k] <= limits[2]:
+            return False
+    for k in range(n):
+        for a in range(6):
+            rows[k, a] = parts.capsules[k, a] + middle * parts.rates[k, a]
+        more = growth(parts, k, limits, end) + half * parts.speeds[k]
+        rows[k, 6] = parts.capsules[k, 6] + more
+    return True
+
+
+@njit(**LEAN)
+def write_sharpest(times, ends, span, noise, most):
+    """Raise most (k,) to the largest acceleration of each part's ends [m/s2].
+
+    Each is that of a time and the one at least `span` and two frames before: the
+    change of the mean velocity between both halves, less what the noise can make of it.
+
+    Args:
+        times: (n,) ascending [s].
+        ends: (n, k, 2, 3) of the capsules then [m].
+        span: [s], 0 for two frames.
+        noise: Bound on the error of an end [m].
+        most: Result.
+    """
+    for last in range(2, times.shape[0]):
+        first = 0
+        while times[first] < times[last] - span - 1e-9:
+            first += 1
+        first = min(first, last - 2)
+        middle = (first + last) // 2
+        h0, h1 = times[middle] - times[first], times[last] - times[middle]
+        if not (h0 > 0.0 and h1 > 0.0):  # nothing is known of them
+            most[:] = math.inf
+            continue
+        lost = 2.0 * noise * (1.0 / h0 + 1.0 / h1)
+        for k in range(ends.shape[1]):
+            fastest = 0.0
+            for side in range(2):
+                total = 0.0
+                for a in range(3):
+                    at = ends[middle, k, side, a]
+                    change = (ends[last, k, side, a] - at) / h1
+                    change -= (at - ends[first, k, side, a]) / h0
+                    total += change * change
+                fastest = max(fastest, total)
+            sharp = (math.sqrt(fastest) - lost) / (0.5 * (h0 + h1))
+            most[k] = max(most[k], sharp)

@@ -47,7 +47,13 @@ from typing import Protocol
 
 import numpy as np
 
-from odm.execution._threat import Tracks, follow
+from odm.execution._threat import (
+    Ability,
+    Tracks,
+    follow,
+    write_between,
+    write_sharpest,
+)
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.ranges import check_settings
@@ -222,23 +228,16 @@ class Threat:
         is a fault of the sensor and does not count. A person who keeps within the
         settings is bounded as before.
         """
-        seen = np.array([ends[self.rows_of_past] for _, ends in self.past])
         s = self.settings
-        if len(seen) < 3 or not s.acceleration:
+        if len(self.past) < 3 or not s.acceleration:
             return self
+        rows = self.rows_of_past
+        seen = np.array([ends[rows] for _, ends in self.past])
         times = np.array([t for t, _ in self.past])
+        most = np.zeros(len(rows))
         span = self.follow.spurt_s if s.noise else 0.0
-        last = np.arange(2, len(seen))
-        first = np.searchsorted(times, times[last] - span - 1e-9)
-        first = np.minimum(first, last - 2)
-        middle = (first + last) // 2
-        h0, h1 = times[middle] - times[first], times[last] - times[middle]
-        change = (seen[last] - seen[middle]) / h1[:, None, None, None]
-        change -= (seen[middle] - seen[first]) / h0[:, None, None, None]
-        speeds = np.sqrt(np.einsum("nkei,nkei->nke", change, change)).max(axis=2)
-        speeds -= (2.0 * s.noise * (1.0 / h0 + 1.0 / h1))[:, None]
-        most = s.rise * (speeds / (0.5 * (h0 + h1))[:, None]).max(axis=0)
-        most = np.minimum(most, s.max_plausible_acceleration)
+        write_sharpest(times, seen, span, s.noise, most)
+        most = np.minimum(s.rise * most, s.max_plausible_acceleration)
         most = np.maximum(most, s.acceleration)
         error = self.error
         if self.window is not None:  # more of it in the mean velocity, too
@@ -261,14 +260,9 @@ class Threat:
         if not math.isfinite(age + begin + end):
             return room, math.inf
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
-        begin, end = begin + age, end + age
-        growth = self._growth(end) + 0.5 * (end - begin) * self._speeds
-        if not growth.max(initial=0.0) <= self.follow.most_growth:
-            return room, math.inf
-        rows = room.capsules
-        rows[:, :6] = self.capsules[:, :6] + (0.5 * (begin + end)) * self._rates
-        rows[:, 6] = self.capsules[:, 6] + growth
-        return room, 0.0
+        limits = (self.settings.noise, self._unknown, self.follow.most_growth)
+        told = self._ability, limits, begin + age, end + age, room.capsules
+        return room, 0.0 if write_between(*told) else math.inf
 
     def strays(self, time: float) -> float:
         """Return how far a part may be from where its velocity leads it by then [m]."""
@@ -334,6 +328,17 @@ class Threat:
         ends = self._rates.reshape(-1, 2, 3)
         squares = np.einsum("kei,kei->ke", ends, ends)
         return np.sqrt(squares.max(axis=1, initial=0.0))
+
+    @cached_property
+    def _ability(self) -> Ability:
+        n, most, widening = len(self.capsules), self.most, self.widening
+        if most is None:
+            most = np.full(n, self.settings.acceleration, float)
+        if widening is None:
+            widening = np.zeros(n)
+        parts = (self.capsules, self._rates, self._speeds, self.known)
+        parts += (np.where(self.known, self.error, 0.0), most, widening)
+        return Ability(*map(np.ascontiguousarray, parts))
 
     @cached_property
     def _room(self) -> Obstacles:

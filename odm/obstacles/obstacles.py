@@ -84,6 +84,13 @@ class Obstacles:
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
         """Lay all rows out in one array."""
+        if (
+            spheres is cylinders is boxes is _NONE
+            and points is labels is classes is None
+        ):
+            if type(meshes) is tuple and not meshes:
+                self._hold_capsules(capsules)  # a frame makes several of these
+                return
         if type(meshes) is not tuple and not isinstance(meshes, Sequence):
             raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
         self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
@@ -95,7 +102,6 @@ class Obstacles:
             "boxes": boxes,
             "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
-        # a frame makes several of them, mostly of capsules alone
         self._views, self.counts = _NO_ROWS.copy(), _NO_COUNTS.copy()
         rows = {}
         for k, kind in enumerate(KINDS):
@@ -119,6 +125,18 @@ class Obstacles:
         self.classes: np.ndarray | None = None
         if classes is not None:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
+
+    def _hold_capsules(self, capsules: np.ndarray | int) -> None:
+        rows = _rows("capsules", capsules, WIDTHS[0])
+        rows = np.array(rows)
+        self._size = n = len(rows)
+        self._meshes, self.data = [], rows.ravel()
+        self._views, self.counts = _NO_ROWS.copy(), _NO_COUNTS.copy()
+        self._views["capsules"] = rows
+        self.counts[0] = n
+        self.poses, self._points = _NO_POSES, _NO_POINTS
+        self.shape_classes = np.zeros(n, np.int8)
+        self.labels, self.classes = {}, None
 
     def _classify(self, told: dict) -> None:
         """Keep the classes of points and of all shapes."""

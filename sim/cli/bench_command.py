@@ -32,7 +32,13 @@ class BenchRequest:
         "targets, interrupts, peers, scale, view or golden.",
         metavar="NAME",
     )
-    map_dir: Path | None = flag(None, "A map's folder.", "--map", metavar="MAP")
+    map_dir: Path | None = flag(
+        None,
+        "A map's folder; the one that the bench is meant for, built where it lacks, "
+        "if left.",
+        "--map",
+        metavar="MAP",
+    )
     seed: int | None = flag(None, "Same seed, same frames.")
     short: bool = flag(False, "To see that it runs, not to measure.", "--short")
     quick: bool = flag(False, "Within 5 min (peers).", "--quick")
@@ -148,6 +154,9 @@ def run_bench(
 
     if markdown not in (None, "-"):
         fill_section(Path(markdown), name, None)
+    wanted = inspect.signature(run).parameters.get("map_dir")
+    if wanted and wanted.default is wanted.empty and "map_dir" not in given:
+        given["map_dir"] = _standard_map(name)
     # a bench that tells what it has after Ctrl-C says how long that may take
     with patience(getattr(module, "PATIENCE_S", GRACE)):
         with Bars() as tell:
@@ -214,18 +223,26 @@ def _modules() -> dict[str, str]:
     return found
 
 
-_MAPS = {  # bench: what its --map is, and what makes it
-    "workspace": ("the reach map of ARMAR-III", "odm workspace build armar3"),
-    "attach": ("a map with a payload layer", "odm build panda_carry"),
+_REACH = "workspace"  # its --map is the reach map of ARMAR-III
+# recipes whose maps are measured without --map, and built where they lack
+_RECIPES = dict.fromkeys(("story", "targets", "view"), "story") | {
+    "attach": "panda_carry"
 }
 
 
 def _needed(name: str, option: str) -> str:
     """Return what a bench wants of an option, and where it comes from."""
-    if option != "map_dir":
+    if option != "map_dir" or name != _REACH:
         return "give it"
-    what, command = _MAPS.get(name, ("the folder of a map", "odm build panda"))
-    return f"{what}; `{command}` makes one"
+    return "the reach map of ARMAR-III; `odm workspace build armar3` makes one"
+
+
+def _standard_map(name: str) -> Path:
+    """Return the map that a bench is meant for, built unless it is there."""
+    from odm import load_recipe
+    from sim.cli.build_command import built_map
+
+    return built_map(load_recipe(_RECIPES.get(name, "panda")))
 
 
 def _check_options(name: str, run: object, given: dict) -> None:
@@ -237,6 +254,8 @@ def _check_options(name: str, run: object, given: dict) -> None:
             flag = flags[option]
             raise BadInput(f"the bench {name!r} has no option {flag}; leave it out")
     for option, parameter in known.items():
+        if option == "map_dir" and name != _REACH:
+            continue
         if parameter.default is parameter.empty and option not in given:
             flag = flags.get(option, f"--{option}")
             raise BadInput(f"the bench {name!r} needs {flag}: {_needed(name, option)}")

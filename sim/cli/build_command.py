@@ -233,6 +233,25 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
             Console(stderr=True).print(note, highlight=False)
 
 
+def built_map(recipe: "Recipe", threads: int = 0) -> Path:
+    """Return the usual folder of a recipe's map, built unless it is there."""
+    from odm import load_map
+    from roadmap.errors import BadMap
+
+    folder = MAPS / recipe.name
+    try:
+        there = load_map(folder).recipe.as_dict() == recipe.as_dict()
+    except BadMap:
+        there = False
+    if not there:
+        check_map_folder(folder, recipe, force=True)
+        cell_map, took = build_to(folder, recipe, threads)
+        counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
+        line = f"{recipe.name} map: {counts} edges in {took:.0f} s, {folder}"
+        typer.echo(line, err=True)
+    return folder
+
+
 def built_facts(cell_map: "CellMap", target: Path, seconds: float) -> dict:
     """Return what a build made, as plain data."""
     n_edges = max(1, cell_map.roadmap.n_edges)

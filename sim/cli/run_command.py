@@ -1,12 +1,11 @@
 """`odm run` and `odm demo`: a robot at work beside a person."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from sim.run.folders import MAPS, check_map_folder
+from sim.cli.build_command import built_map
 from sim.run.request import RunRequest
 from sim.story.request import MAINTENANCE, WORK, DemoRequest
 from sim.terminal.flags import from_request
@@ -64,7 +63,7 @@ def demo(request: DemoRequest) -> None:
     from sim.run.demo import run_demo
     from sim.run.places import DEMO as SETTINGS
 
-    folder = _built(demo_recipe(), request.threads)
+    folder = built_map(demo_recipe(), request.threads)
     run_demo(
         folder, request.out, settings=replace(SETTINGS, duration_s=request.seconds)
     )
@@ -85,7 +84,7 @@ def _hand_over(request: DemoRequest) -> None:
 
         live = KeyboardStory(request.seconds)
         live.open()
-    folder = request.map_dir or _built(load_recipe(STORY), request.threads)
+    folder = request.map_dir or built_map(load_recipe(STORY), request.threads)
     cell_map = load_map(folder)
     pads_of(cell_map.robot, request.pads or ())  # told before a map of reach is built
     with Bars() as tell:
@@ -101,25 +100,6 @@ def _hand_over(request: DemoRequest) -> None:
     touched = found["contacts"] or found.get("object_contacts", 0)
     if touched or found.get("whole", 1) < request.cycles:
         raise typer.Exit(1)
-
-
-def _built(recipe: "Recipe", threads: int) -> Path:
-    """Return the folder of a recipe's map, built unless it is there."""
-    from odm import load_map
-    from roadmap.errors import BadMap
-    from sim.cli.build_command import build_to
-
-    folder = MAPS / recipe.name
-    try:
-        there = load_map(folder).recipe.as_dict() == recipe.as_dict()
-    except BadMap:
-        there = False
-    if not there:
-        check_map_folder(folder, recipe, force=True)
-        cell_map, took = build_to(folder, recipe, threads)
-        counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
-        print(f"{recipe.name} map: {counts} edges in {took:.0f} s, {folder}")
-    return folder
 
 
 def _brings_panda() -> bool:

@@ -1,12 +1,16 @@
 """The command line as a user meets it: exit codes, one sentence, whole files."""
 
+import importlib
+import inspect
 import json
+from pathlib import Path
 
 import pytest
 import typer
 from command_line import one_sentence
 
 from odm import build_map, load_map
+from sim.cli import bench_command
 from sim.cli import main as cli
 from sim.cli.bench_command import bench_names, fill_section
 from sim.cli.build_command import built_facts
@@ -207,13 +211,37 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
         fill_section(page, "build", "| new |")
 
 
+@pytest.mark.parametrize(
+    ("name", "recipe"),
+    [("story", "story"), ("latency", "panda"), ("attach", "panda_carry")],
+)
+def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(monkeypatch, name, recipe):
+    import sim.cli.build_command as build
+
+    folder = Path("maps") / recipe
+    monkeypatch.setattr(build, "built_map", lambda made: folder.parent / made.name)
+    module = importlib.import_module(bench_command._modules()[name])
+    kept = inspect.signature(module.run)
+    asked = []
+
+    def run(**given):
+        asked.append(given["map_dir"])
+        return {"columns": [], "rows": []}
+
+    run.__signature__ = kept
+    monkeypatch.setattr(module, "run", run)
+    assert bench_command.run_bench(name, {}, json="-") == 0
+    assert bench_command.run_bench(name, {"map_dir": Path("mine")}, json="-") == 0
+    assert asked == [folder, Path("mine")]
+
+
 def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
     from sim.cli import run_command
     from sim.run import demo
 
     played = []
     monkeypatch.setattr(run_command, "_brings_panda", lambda: False)
-    monkeypatch.setattr(run_command, "_built", lambda recipe, threads: recipe.name)
+    monkeypatch.setattr(run_command, "built_map", lambda recipe, threads: recipe.name)
     monkeypatch.setattr(
         demo, "run_demo", lambda folder, *_, **__: played.append(folder)
     )

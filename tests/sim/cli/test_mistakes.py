@@ -97,8 +97,6 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (FRAMES + ("f.npz", "--spacing", "30"), "--spacing is 30", "0.03"),
     (("replay",), "file", "run.npz"),
     (("bench", "speed"), "'speed'", "latency"),
-    (("bench", "latency"), "--map", "odm build"),
-    (("bench", "attach"), "payload", "odm build panda_carry"),
     (("bench", "workspace"), "reach map", "odm workspace build"),
     (("grasps", "build", "--object", "cup"), "--hand", "--help"),
     (RUN + ("--out", ""), "--out is ''", "leave it out"),
