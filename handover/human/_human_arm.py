@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import BARE
+from roadmap.jit_options import BARE, BARE_INNER
 
 LENGTHS, LOWER, UPPER = 0, 3, 10
 SIN_LOWER, COS_LOWER, SIN_UPPER, COS_UPPER = 17, 24, 31, 38
@@ -151,3 +151,55 @@ def body_places(given, T_pelvis, T_chest, left, right, places):
             for i in range(3):
                 there = c[i, 0] * x + c[i, 1] * y + c[i, 2] * z
                 places[row + step, i] = c[i, 3] + there
+
+
+@njit(**BARE_INNER)
+def write_axis(p, q, out):
+    """Write the direction from q to p, straight up where there is none; their distance.
+
+    p, q: (3,) [m]. out: (3,).
+    """
+    x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if not length > 1e-9:
+        out[0], out[1], out[2] = 0.0, 0.0, 1.0
+        return length
+    out[0], out[1], out[2] = x / length, y / length, z / length
+    return length
+
+
+@njit(**BARE)
+def body_rods(places, limbs, lengths, legs, T_pelvis, rows):
+    """Write the ends of a whole person's capsules to rows (9 + n, 7) [m].
+
+    In order: hand, forearm and upper arm of both sides, torso, shoulders, head, legs.
+
+    Args:
+        places: (11, 3) of `handover.human.body.JOINTS`, z is up [m].
+        limbs: (7, 2) joints at the ends of the rods of arms, and across the shoulders.
+        lengths: (2,) most that the torso's axis reaches down from the neck, and least
+            that the head's reaches up from it [m].
+        legs: (n, 7) capsules of the legs in the pelvis frame [m].
+        T_pelvis: (4, 4) pose of the pelvis [m].
+        rows: Result; its radii stay.
+    """
+    for i in range(7):
+        row = 7 if i == 6 else i
+        for a in range(3):
+            rows[row, a] = places[limbs[i, 0], a]
+            rows[row, 3 + a] = places[limbs[i, 1], a]
+    hip, neck, head, axis = places[0], places[1], places[2], rows[8, 3:6]
+    length = write_axis(neck, hip, axis)
+    below = min(length, lengths[0])
+    for a in range(3):
+        rows[6, a], rows[6, 3 + a] = hip[a], neck[a] - below * axis[a]
+    reach = max(write_axis(head, neck, axis), lengths[1])
+    for a in range(3):
+        rows[8, a], axis[a] = neck[a], neck[a] + reach * axis[a]
+    for i in range(legs.shape[0]):
+        for end in range(2):
+            for a in range(3):
+                at = T_pelvis[a, 3]
+                for b in range(3):
+                    at += T_pelvis[a, b] * legs[i, 3 * end + b]
+                rows[9 + i, 3 * end + a] = at

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from handover.human._human_arm import body_rods
 from handover.human.anthropometry import (
     HAND,
     NECK_TO_SKULL,
@@ -19,7 +20,7 @@ from handover.human.anthropometry import (
     check_height,
     check_thickness,
 )
-from roadmap.arrays import frozen
+from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 
 
@@ -52,7 +53,7 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
     *(f"{side}_{joint}" for side in SIDES for joint in (*ARM, "tip")),
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
-_TRUNK = [COLUMN[name] for name in ("neck", "hip", "head")]
+_NO_LEGS, _HERE = np.zeros((0, 7)), np.eye(4)
 LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 
@@ -185,6 +186,12 @@ class UpperBody:
         return np.array([[COLUMN[name] for name in ends] for ends in names])
 
     @cached_property
+    def _lengths(self) -> np.ndarray:
+        """(2,) of the axes of torso and head, as `body_rods` takes them [m]."""
+        sizes = self.sizes
+        return np.array([sizes.torso - sizes.shoulders, sizes.crown - sizes.head])
+
+    @cached_property
     def _radii(self) -> np.ndarray:
         """(9,) radii of the rods of a whole body [m]."""
         sizes = self.sizes
@@ -202,31 +209,30 @@ class UpperBody:
             (..., k, 7) ends a, b and radius, labelled by `labels` [m].
         """
         if self._is_whole and places.ndim == 2:
-            return self._whole(places)
+            return self.with_legs(places, _NO_LEGS, _HERE)
         at = {name: places[..., COLUMN[name], :] for name in self.present}
         rods = [rod for side in self.sides for rod in self._arm(at, side)]
         if self.has_trunk:
             rods += self._trunk(at)
         return _rows_of(rods, places.shape[:-2])
 
-    def _whole(self, places: np.ndarray) -> np.ndarray:
-        """Return the same for one body all of whose joints are known, in numbers.
+    def with_legs(
+        self, places: np.ndarray, legs: np.ndarray, T_pelvis: np.ndarray
+    ) -> np.ndarray:
+        """Return one body, all of whose joints are known, and its legs.
 
-        A frame asks for it, and arrays of three numbers take longer than they do.
+        Args:
+            places: (11, 3) of `JOINTS` in a frame whose z is up [m].
+            legs: (n, 7) capsules in the pelvis frame [m].
+            T_pelvis: (4, 4) pose of the pelvis in the first frame [m].
+
+        Returns:
+            (9 + n, 7) as `capsules`, then the legs [m].
         """
-        sizes, rows = self.sizes, np.empty((9, 7))
-        limbs = places[self._limbs].reshape(7, 6)
-        rows[:6, :6], rows[7, :6] = limbs[:6], limbs[6]  # 6 is the spine, 8 the head
-        neck, hip, head = places[_TRUNK].tolist()
-        spine, length = _direction(neck, hip)
-        below = min(length, sizes.torso - sizes.shoulders)
-        crown = sizes.crown - sizes.head
-        up, length = _direction(head, neck)
-        reach = max(length, crown)
-        chest = [n - below * d for n, d in zip(neck, spine, strict=True)]
-        top = [n + reach * d for n, d in zip(neck, up, strict=True)]
-        rows[6, :6], rows[8, :6] = (*hip, *chest), (*neck, *top)
-        rows[:, 6] = self._radii
+        rows = np.empty((9 + len(legs), 7))
+        rows[:9, 6], rows[9:, 6] = self._radii, legs[:, 6]
+        given = (writable(x) for x in (legs, T_pelvis))
+        body_rods(writable(places), self._limbs, self._lengths, *given, rows)
         return rows
 
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
@@ -351,15 +357,6 @@ def _rows_of(rods: list[tuple], shape: tuple[int, ...]) -> np.ndarray:
 
 def _length(v: np.ndarray) -> np.ndarray:
     return np.sqrt(np.add.reduce(v * v, axis=-1, keepdims=True))
-
-
-def _direction(a: list[float], b: list[float]) -> tuple[list[float], float]:
-    """Return the direction (3,) from b to a as `_unit` does, and their distance."""
-    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    length = math.sqrt(x * x + y * y + z * z)
-    if not length > 1e-9:
-        return [0.0, 0.0, 1.0], length
-    return [x / length, y / length, z / length], length
 
 
 def _unit(v: np.ndarray) -> np.ndarray:

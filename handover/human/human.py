@@ -219,8 +219,8 @@ class Human:
     def capsules_of(self, thickness: str) -> np.ndarray:
         """Return `capsules` of another thickness."""
         body_of = _upper_body(self.height, thickness)
-        legs = self._leg_capsules(body_of.sizes)
-        return np.concatenate([body_of.capsules(self.places), legs])
+        legs = _legs(self.skeleton, posture_named(self.posture), body_of.sizes)
+        return body_of.with_legs(self.places, legs, self.T_world_pelvis)
 
     def surface_points(
         self, spacing: float = 0.03, T_world_base: np.ndarray | None = None
@@ -276,13 +276,6 @@ class Human:
         given = _lengths(self.skeleton, self.sizes.hand)
         body_places(given, *poses, *arms, places)
         return places
-
-    def _leg_capsules(self, sizes: BodySizes) -> np.ndarray:
-        T = self.T_world_pelvis
-        legs = _legs(self.skeleton, posture_named(self.posture), sizes).copy()
-        ends = legs[:, :6].reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
-        legs[:, :6] = ends.reshape(-1, 6)
-        return legs
 
 
 # what depends on a few numbers only, kept for the next frame of the same person

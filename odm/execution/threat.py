@@ -231,10 +231,11 @@ class Threat:
         s = self.settings
         if len(self.past) < 3 or not s.acceleration:
             return self
-        rows = self.rows_of_past
-        seen = np.array([ends[rows] for _, ends in self.past])
+        seen = np.array([ends for _, ends in self.past])
+        if self.rows is not None:
+            seen = seen[:, self.rows]
         times = np.array([t for t, _ in self.past])
-        most = np.zeros(len(rows))
+        most = np.zeros(seen.shape[1])
         span = self.follow.spurt_s if s.noise else 0.0
         write_sharpest(times, seen, span, s.noise, most)
         most = np.minimum(s.rise * most, s.max_plausible_acceleration)
