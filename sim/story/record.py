@@ -119,6 +119,7 @@ class StoryRecorder:
             "states": _states(case.direction),
             "reach": setup.reach.hash,
             "settings": asdict(story.settings),
+            "others": setup.T_others.tolist(),
             "object": setup.obj.name,
             "person": {
                 "height": human.height,
@@ -221,6 +222,10 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
 
     known = dict(told["settings"])
     known.setdefault("comes", 0.0)  # in older recordings any hand that near counts
+    known.setdefault("put_down_s", known["fetch_s"])
+    known.setdefault("place_s", 3600.0)  # they waited at the one place there was
+    others = np.array(told.get("others", [])).reshape(-1, 4, 4)
+    setup = replace(setup, T_others=others)
     known["pull"] = PullSettings(**known["pull"])
     # recordings from before there was such a thing knew no comfort
     known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
