@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.grasps.own_object import held_mesh
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
 from handover.targets.live_targets import LiveTargets
@@ -52,6 +54,7 @@ _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
 _NEARER = (1.0, 0.8, 0.65, 0.5, 0.4)  # times that far, where a robot does not reach it
 _OTHERS = (60.0, -60.0, 120.0, -120.0, 180.0)  # [deg] from it, where others are
+_MOST_MOVED = 0.02  # [m] farther out, and the pads would not be where they hold it
 _APART = 0.15  # [m] between two places
 LIVE = LiveSettings(
     choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
@@ -268,7 +271,8 @@ def place_in_reach(setup: StorySetup) -> np.ndarray | None:
     The usual place, or one nearer to the base, on either side of it.
     """
     obj, (x, y) = setup.obj, PLACE_XY
-    thing, grasps = carried_object(box_of(obj)), quarter_turns(obj.T_tool_object)
+    thing = carried_object(box_of(obj))
+    grasps = quarter_turns(obj.T_tool_object, obj.turns)
     room = StorySettings().room
     for side in (1.0, -1.0):
         for nearer in _NEARER:
@@ -298,7 +302,8 @@ def other_places(setup: StorySetup) -> np.ndarray:
     grasp the object comes straight down to it, clear of everything but that surface.
     """
     obj, scenery = setup.obj, setup.cell_map.scenery
-    thing, grasps = carried_object(box_of(obj)), quarter_turns(obj.T_tool_object)
+    thing = carried_object(box_of(obj))
+    grasps = quarter_turns(obj.T_tool_object, obj.turns)
     own, planner, found = setup.T_place, setup.planner(), []
     on = carries(scenery, obj.capsules, own)
     beside = grasps, BACK, thing, obj.capsules, StorySettings().room, on, AT_PLACE
@@ -353,6 +358,41 @@ def setup_of(
     if setup.T_place is not None:
         setup = replace(setup, T_others=other_places(setup))
     return setup
+
+
+def own_object(
+    cell_map: CellMap,
+    pads: Sequence[str],
+    source: str | Path,
+    mass_kg: float | None = None,
+    scale: float = 1.0,
+) -> HeldObject:
+    """Return a mesh of the user's as the robot of a map holds it.
+
+    Args:
+        cell_map: The robot's map.
+        pads: Links that may touch it; see `pads_of`.
+        source: The mesh; see `handover.grasps.own_object`.
+        mass_kg: Its mass [kg]; None: by its volume.
+        scale: What turns its unit into metres.
+
+    Raises:
+        BadInput: The gripper cannot hold it, or nothing keeps clear of it then.
+    """
+    robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
+    urdf = cell_map.recipe.robot.source
+    told = robot, urdf, robot.tip_name, pads, mass_kg, scale
+    obj = held_mesh(source, *told)
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
+    held = held_farther_out(planner, obj, cell_map.roadmap.nodes, grasp_spare(robot))
+    moved = held.T_tool_object[2, 3] - obj.T_tool_object[2, 3]
+    if moved > _MOST_MOVED:
+        raise BadInput(
+            f"{obj.name} would have to be held {100 * moved:.1f} cm farther out than "
+            f"{robot.name}'s pads hold it, to keep clear of its other links (at most "
+            f"{100 * _MOST_MOVED:.0f} cm); give a slimmer object, or longer fingers"
+        )
+    return held
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
@@ -434,7 +474,7 @@ def in_reach(
     audit = exact_audit(setup.cell_map.robot)
     grasps, held = [np.array(setup.obj.T_tool_object)], []
     if case.direction == "receive":
-        grasps = list(quarter_turns(setup.obj.T_tool_object))
+        grasps = list(quarter_turns(setup.obj.T_tool_object, setup.obj.turns))
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot

@@ -44,12 +44,12 @@ class Reach:
     room: float = np.inf
 
 
-def quarter_turns(T_tool_object: np.ndarray) -> np.ndarray:
-    """Return a grasp turned about the tool's z by quarters, (4, 4, 4)."""
+def quarter_turns(T_tool_object: np.ndarray, n: int = 4) -> np.ndarray:
+    """Return a grasp in n turns about the tool's z, by quarters for 4, (n, 4, 4)."""
     turns = []
-    for k in range(4):
+    for k in range(n):
         T = np.eye(4)
-        T[:3, :3] = rotation_rpy(0.0, 0.0, 0.5 * np.pi * k)
+        T[:3, :3] = rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k)
         turns.append(T @ T_tool_object)
     return np.array(turns)
 
@@ -185,7 +185,9 @@ def held_farther_out(
     """
     T = np.array(obj.T_tool_object)
     for _ in range(settings.out_steps):
-        found = too_near(planner, quarter_turns(T), obj.capsules, nodes, spare)
+        found = too_near(
+            planner, quarter_turns(T, obj.turns), obj.capsules, nodes, spare
+        )
         if found is None:
             return obj.held_by(T)
         T[2, 3] += found.keeps - found.gap + settings.more

@@ -174,7 +174,7 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         self._berth = Berth(self.executor, s.threat)
-        grasps = quarter_turns(meet.obj.T_tool_object)
+        grasps = quarter_turns(meet.obj.T_tool_object, meet.obj.turns)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
             # what is in the hand already may lie in it: nobody has to close on that

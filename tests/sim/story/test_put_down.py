@@ -19,7 +19,7 @@ from sim.story.grasping import Reaches, quarter_turns
 from sim.story.handover import _checked_places
 from sim.story.machine import PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
-from sim.story.record import story_of
+from sim.story.record import _held, object_of, story_of
 from sim.story.settings import AT_PLACE, HELD_AT_PLACE
 
 PERIOD = 0.01
@@ -203,3 +203,16 @@ def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(
     story = story_of(setup, {"settings": known, "fetch": False}, human)
     assert not len(story._T_others) and story._T_place is not None
     assert story.settings.put_down_s == 12.0 < story.settings.place_s
+
+
+def test_a_recording_keeps_what_is_handed_over(setup):
+    thin = replace(setup.obj, turns=2, name="rod")
+    told = {"story": {"held": _held(thin)}}
+    back = object_of(told)
+    assert back.turns == 2 and back.name == "rod" and back.mass_kg == thin.mass_kg
+    assert np.array_equal(back.capsules, thin.capsules)
+    assert np.array_equal(back.T_tool_object, thin.T_tool_object)
+    assert object_of({"story": {}}) is None  # an older one: a wrench
+    turned = quarter_turns(thin.T_tool_object, 2)
+    assert len(turned) == 2
+    assert np.allclose(turned[1], quarter_turns(thin.T_tool_object)[2])
