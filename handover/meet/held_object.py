@@ -1,12 +1,13 @@
 """HeldObject: what is handed over, how the robot holds it, how a hand may take it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import check_number
 from roadmap.transforms import check_pose, rotation_rpy
 
 # [rad] order of the rolls about a handle: the first four are the quarters, so that the
@@ -25,6 +26,8 @@ class HeldObject:
         T_tool_object: (4, 4) how the robot holds it, g_robot of [Vahrenkamp2016] [m].
         hand_grasps: (n, 4, 4) T_object_hand of the hands that could take it,
             G_human of [Vahrenkamp2016]; `docs/human.md` describes the hand's frame.
+        turns: In how many turns about the tool's z, evenly over a whole one, the robot
+            may hold it: 4 quarters of a slim tool, 2 or 1 of what fits one way only.
     """
 
     name: str
@@ -32,6 +35,7 @@ class HeldObject:
     mass_kg: float
     T_tool_object: np.ndarray
     hand_grasps: np.ndarray
+    turns: int = 4
 
     def __post_init__(self) -> None:
         """Refuse what is no object, and freeze the arrays."""
@@ -51,6 +55,7 @@ class HeldObject:
                 f"{self.name} has a mass of {self.mass_kg} kg; give more than 0 and "
                 "less than 100"
             )
+        check_number("turns", self.turns, 1, 4, True, "HeldObject")
         put = object.__setattr__
         put(self, "capsules", frozen(capsules, np.float64))
         T = check_pose(self.T_tool_object, "T_tool_object")
@@ -59,9 +64,7 @@ class HeldObject:
 
     def held_by(self, T_tool_object: np.ndarray) -> "HeldObject":
         """Return the object in another grasp of the robot, (4, 4) [m]."""
-        return HeldObject(
-            self.name, self.capsules, self.mass_kg, T_tool_object, self.hand_grasps
-        )
+        return replace(self, T_tool_object=T_tool_object)
 
 
 def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:

@@ -136,6 +136,18 @@ class StaticTest:
         other.set_extra(self.extra)
         return other
 
+    def beside(self, solid: int) -> "StaticTest":
+        """Return the same test, in which the tool's body may touch a solid.
+
+        Args:
+            solid: Index in the recipe's scenery: what an object in the hand stands on.
+        """
+        other = copy(self)
+        other.skip = self.skip.copy()
+        other.skip[self.robot.tip_body, solid] = True
+        other.work, other.own_scratch = other.new_work(), threading.local()
+        return other
+
     def set_extra(self, extra: float) -> None:
         """Keep that much more distance from the scenery of this place [m]."""
         self.extra = extra

@@ -220,7 +220,7 @@ def _repeat_story(
     """Let a hand-over see and feel the same again; does it do the same?"""
     from sim.run.meet import reach_map_of
     from sim.story.cases import setup_of
-    from sim.story.record import play_again, same
+    from sim.story.record import object_of, play_again, same
 
     if request.record is not None or request.json is not None:
         raise Refused(
@@ -232,7 +232,8 @@ def _repeat_story(
     if "parts" in found.head:
         _repeat_cycle(found, path, cell_map, reach)
         return
-    q, states = play_again(found, setup_of(cell_map, reach, pads=_pads_of(found.head)))
+    obj, pads = object_of(found.head), _pads_of(found.head)
+    q, states = play_again(found, setup_of(cell_map, reach, obj, pads=pads))
     if not same(found, q, states):
         was = found.arrays["q"]
         off = (q != was).any(axis=1)

@@ -94,7 +94,7 @@ class World:
         values = standing_values(description, robot.joint_names, locked)
         self._lock(description, index, values)
         self._person: list[int] = []
-        self._sizes = np.zeros((0, 2))
+        self._sizes, self._things = np.zeros((0, 2)), 0
         self._arm, self._held = robot, np.zeros((0, 4))
 
     def __enter__(self) -> "World":
@@ -109,8 +109,12 @@ class World:
         """Disconnect from pybullet."""
         self._call("disconnect")
 
-    def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
-        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+    def place(self, q: np.ndarray, capsules: np.ndarray, things: int = 0) -> None:
+        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m].
+
+        The last `things` of them are an object, and are drawn as one.
+        """
+        things += len(self._held)
         if len(self._held):
             capsules = np.vstack([capsules, ball_rows(self._arm, self._held, q)])
         for row, value in zip(self._joints, q, strict=True):
@@ -119,8 +123,9 @@ class World:
                 self._call("resetJointState", self._robot, joint, at)
         length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
         sizes = np.column_stack([length, capsules[:, 6]])
-        if sizes.shape != self._sizes.shape or not np.allclose(sizes, self._sizes):
-            self._remake_person(sizes)
+        same = sizes.shape == self._sizes.shape and things == self._things
+        if not same or not np.allclose(sizes, self._sizes):
+            self._remake_person(sizes, things)
         for body, row in zip(self._person, capsules, strict=True):
             middle, quat_xyzw = (row[:3] + row[3:6]) / 2, _turn_z_to(row[3:6] - row[:3])
             self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
@@ -196,13 +201,12 @@ class World:
         kwargs["physicsClientId"] = self._client
         return getattr(self._bullet, name)(*args, **kwargs)
 
-    def _remake_person(self, sizes: np.ndarray) -> None:
+    def _remake_person(self, sizes: np.ndarray, things: int) -> None:
         for body in self._person:
             self._call("removeBody", body)
-        self._sizes = sizes
+        self._sizes, self._things = sizes, things
         colours = [SLEEVE if i % 2 == 0 else SKIN for i in range(len(sizes))]
-        first = len(sizes) - len(self._held)
-        colours[first:] = [LOAD] * len(self._held)
+        colours[len(sizes) - things :] = [LOAD] * things
         self._person = [
             self._capsule(*size, colour)
             for size, colour in zip(sizes, colours, strict=True)

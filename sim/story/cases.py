@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.grasps.own_object import held_mesh
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
 from handover.targets.live_targets import LiveTargets
 from handover.targets.node_index import NodeIndex
+from handover.targets.put_down import carries
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
@@ -27,6 +30,7 @@ from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
 from sim.story.grasping import (
+    Reach,
     Reaches,
     box_of,
     held_farther_out,
@@ -34,7 +38,7 @@ from sim.story.grasping import (
     quarter_turns,
     straight_back,
 )
-from sim.story.settings import StorySettings
+from sim.story.settings import AT_PLACE, StorySettings
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
@@ -48,7 +52,10 @@ BACK = 0.10  # [m] straight motions to an object
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
-_NEARER = (1.0, 0.8, 0.65, 0.5)  # times that far, where a robot does not reach it
+_NEARER = (1.0, 0.8, 0.65, 0.5, 0.4)  # times that far, where a robot does not reach it
+_OTHERS = (60.0, -60.0, 120.0, -120.0, 180.0)  # [deg] from it, where others are
+_MOST_MOVED = 0.02  # [m] farther out, and the pads would not be where they hold it
+_APART = 0.15  # [m] between two places
 LIVE = LiveSettings(
     choice=ChoiceSettings(quality_hysteresis=0.1, max_quality_loss=0.3, goals=4),
     rank_budget=500,
@@ -126,6 +133,8 @@ class StorySetup:
         side: The person's hand.
         pads: Links that may touch an object.
         T_place: (4, 4) the object's place on the table; None: none.
+        T_others: (n, 4, 4) other places on it, where it is put down when that one is
+            not free.
     """
 
     cell_map: CellMap
@@ -136,6 +145,13 @@ class StorySetup:
     side: str = "right"
     pads: tuple[str, ...] = FINGERS
     T_place: np.ndarray | None = None
+    T_others: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 4)))
+
+    def places(self) -> np.ndarray | None:
+        """Return (n, 4, 4) all places of the object, its own first; None: none."""
+        if self.T_place is None:
+            return None
+        return np.concatenate([self.T_place[None], self.T_others])
 
     def planner(self) -> ReactivePlanner:
         """Return a planner that knows nothing yet, and what stands on the table."""
@@ -255,20 +271,57 @@ def place_in_reach(setup: StorySetup) -> np.ndarray | None:
     The usual place, or one nearer to the base, on either side of it.
     """
     obj, (x, y) = setup.obj, PLACE_XY
-    grasps = quarter_turns(obj.T_tool_object)
+    thing = carried_object(box_of(obj))
+    grasps = quarter_turns(obj.T_tool_object, obj.turns)
     room = StorySettings().room
     for side in (1.0, -1.0):
         for nearer in _NEARER:
             T = upright(obj, (nearer * x, side * nearer * y))
             planner = replace(setup, T_place=T).planner()
-            beside = grasps, BACK, None, obj.capsules, room
+            beside = grasps, BACK, None, obj.capsules, room, None, AT_PLACE
             reaches = Reaches(planner, setup.index, *beside)
             reaches.begin(T, setup.rest)
             while not reaches.over and not reaches.found:
                 reaches.work()
-            if reaches.found:
+            if any(_is_clear(planner, thing, reach) for reach in reaches.found):
                 return T
     return None
+
+
+def _is_clear(planner: ReactivePlanner, thing: object, reach: Reach) -> bool:
+    """Whether the object in the hand is clear of all before its place."""
+    held = planner.carrier.test_with(thing, reach.T_tool_object)
+    return held.motion_free(reach.q_before, np.zeros_like(reach.q_before))
+
+
+def other_places(setup: StorySetup) -> np.ndarray:
+    """Return (n, 4, 4) other places where the object can stand and be put down [m].
+
+    Around the base, as high as its own place and on the same surface of the scenery:
+    at most one in each direction, as far out as the own one or nearer. Held by some
+    grasp the object comes straight down to it, clear of everything but that surface.
+    """
+    obj, scenery = setup.obj, setup.cell_map.scenery
+    thing = carried_object(box_of(obj))
+    grasps = quarter_turns(obj.T_tool_object, obj.turns)
+    own, planner, found = setup.T_place, setup.planner(), []
+    on = carries(scenery, obj.capsules, own)
+    beside = grasps, BACK, thing, obj.capsules, StorySettings().room, on, AT_PLACE
+    reaches = Reaches(planner, setup.index, *beside)
+    for turn in np.radians(_OTHERS):
+        for nearer in _NEARER:
+            T = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ own
+            T[:2, 3] *= nearer
+            near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (own, *found)]
+            if min(near) < _APART or carries(scenery, obj.capsules, T) != on:
+                continue
+            reaches.begin(T, setup.rest)
+            while not reaches.over and not reaches.found:
+                reaches.work()
+            if reaches.found:
+                found.append(T)
+                break
+    return np.array(found).reshape(-1, 4, 4)
 
 
 def setup_of(
@@ -300,7 +353,46 @@ def setup_of(
     held = carried_object(box_of(obj))
     rest = rest_of(cell_map, index, held, obj.T_tool_object)
     setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
-    return replace(setup, T_place=place_in_reach(setup)) if place else setup
+    if place:
+        setup = replace(setup, T_place=place_in_reach(setup))
+    if setup.T_place is not None:
+        setup = replace(setup, T_others=other_places(setup))
+    return setup
+
+
+def own_object(
+    cell_map: CellMap,
+    pads: Sequence[str],
+    source: str | Path,
+    mass_kg: float | None = None,
+    scale: float = 1.0,
+) -> HeldObject:
+    """Return a mesh of the user's as the robot of a map holds it.
+
+    Args:
+        cell_map: The robot's map.
+        pads: Links that may touch it; see `pads_of`.
+        source: The mesh; see `handover.grasps.own_object`.
+        mass_kg: Its mass [kg]; None: by its volume.
+        scale: What turns its unit into metres.
+
+    Raises:
+        BadInput: The gripper cannot hold it, or nothing keeps clear of it then.
+    """
+    robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
+    urdf = cell_map.recipe.robot.source
+    told = robot, urdf, robot.tip_name, pads, mass_kg, scale
+    obj = held_mesh(source, *told)
+    planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
+    held = held_farther_out(planner, obj, cell_map.roadmap.nodes, grasp_spare(robot))
+    moved = held.T_tool_object[2, 3] - obj.T_tool_object[2, 3]
+    if moved > _MOST_MOVED:
+        raise BadInput(
+            f"{obj.name} would have to be held {100 * moved:.1f} cm farther out than "
+            f"{robot.name}'s pads hold it, to keep clear of its other links (at most "
+            f"{100 * _MOST_MOVED:.0f} cm); give a slimmer object, or longer fingers"
+        )
+    return held
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
@@ -382,7 +474,7 @@ def in_reach(
     audit = exact_audit(setup.cell_map.robot)
     grasps, held = [np.array(setup.obj.T_tool_object)], []
     if case.direction == "receive":
-        grasps = list(quarter_turns(setup.obj.T_tool_object))
+        grasps = list(quarter_turns(setup.obj.T_tool_object, setup.obj.turns))
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot

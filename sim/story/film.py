@@ -100,7 +100,9 @@ def _camera(
 
 def _paint(record, robot, world, canvas, i: int) -> object:
     arrays, told = record.arrays, record.head["story"]
-    world.place(arrays["q"][i], _near(arrays["capsules"][i]))
+    rows = arrays["capsules"][i]
+    things = len(_near(rows[len(Human().labels) :]))
+    world.place(arrays["q"][i], _near(rows), things)
     colour, depth, ground = world.picture(canvas.camera)
     floor = canvas.floor(np.vstack(_bodies(record, robot, i)))
     image = canvas.begin(np.where(ground[..., None], floor, colour), depth, lines=2)

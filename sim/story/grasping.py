@@ -44,12 +44,12 @@ class Reach:
     room: float = np.inf
 
 
-def quarter_turns(T_tool_object: np.ndarray) -> np.ndarray:
-    """Return a grasp turned about the tool's z by quarters, (4, 4, 4)."""
+def quarter_turns(T_tool_object: np.ndarray, n: int = 4) -> np.ndarray:
+    """Return a grasp in n turns about the tool's z, by quarters for 4, (n, 4, 4)."""
     turns = []
-    for k in range(4):
+    for k in range(n):
         T = np.eye(4)
-        T[:3, :3] = rotation_rpy(0.0, 0.0, 0.5 * np.pi * k)
+        T[:3, :3] = rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k)
         turns.append(T @ T_tool_object)
     return np.array(turns)
 
@@ -79,6 +79,14 @@ def straight_back(
             if is_valid(planner, found):
                 return found
     return None
+
+
+def beads(rods: np.ndarray, n: int) -> np.ndarray:
+    """Return n balls along each of some capsules (k, 7), as (k * n, 4) [m]."""
+    s = np.linspace(0.0, 1.0, n)[:, None, None]
+    middles = rods[:, :3] + s * (rods[:, 3:6] - rods[:, :3])
+    radii = np.tile(rods[:, 6], n)[:, None]
+    return np.hstack([middles.reshape(-1, 3), radii])
 
 
 def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
@@ -177,7 +185,9 @@ def held_farther_out(
     """
     T = np.array(obj.T_tool_object)
     for _ in range(settings.out_steps):
-        found = too_near(planner, quarter_turns(T), obj.capsules, nodes, spare)
+        found = too_near(
+            planner, quarter_turns(T, obj.turns), obj.capsules, nodes, spare
+        )
         if found is None:
             return obj.held_by(T)
         T[2, 3] += found.keeps - found.gap + settings.more
@@ -234,6 +244,9 @@ class Reaches:
             clearance [m]: beside an object on the brink of it the robot creeps. The
             way back is longer where it has to be; who lacks room all the same comes
             last.
+        on: Which solid of the scenery the object stands on: on the straight way what is
+            held may touch that one; None: nothing. It counts where there is a `thing`,
+            which the hand may hold already.
         settings: How hard.
 
     Attributes:
@@ -249,6 +262,7 @@ class Reaches:
         thing: object = None,
         rods: np.ndarray | None = None,
         room: float = 0.0,
+        on: int | None = None,
         settings: GraspingSettings = _GRASPING,
     ) -> None:
         """Know nothing."""
@@ -257,13 +271,19 @@ class Reaches:
         self._rods, self._room = rods, room
         self.T_tool_object = np.array(grasps)
         self._held: list[StaticTest] = []  # the robot with it, for each grasp
-        if thing is not None:
+        if thing is not None and planner.attached is not None:
+            self._held = [planner.static] * len(self.T_tool_object)
+        elif thing is not None:
             made = planner.carrier.test_with
             self._held = [made(thing, grasp) for grasp in self.T_tool_object]
+        if on is not None:
+            self._held = [test.beside(on) for test in self._held]
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
         self.found: list[Reach] = []
         self._tight: list[Reach] = []  # those that lack room
         self._queue: list[tuple[int, int | np.ndarray]] = []  # grasp; seed, or which
+        self._starts = list(self._queue)  # all of them, for a shorter way back
+        self._share = 0  # which of the shares of the way back
         self._nodes: dict[int, np.ndarray] = {}
         self._T: np.ndarray | None = None
 
@@ -285,6 +305,7 @@ class Reaches:
         seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
         seeds += [(g, np.array(q)) for g in n]
         self._queue = [*seeds, *((g, k) for k in range(self.settings.seeds) for g in n)]
+        self._starts, self._share = list(self._queue), 0
         self.work()
 
     def work(self) -> bool:
@@ -292,7 +313,11 @@ class Reaches:
         if self._T is None or self.over:
             return False
         g, k = self._queue.pop(0)
-        return self._start(g, k) or self._take_tight()
+        found = self._start(g, k) or self._take_tight()
+        shares = self.settings.shares
+        if not self._queue and not self.found and self._share + 1 < len(shares):
+            self._queue, self._share = list(self._starts), self._share + 1
+        return found
 
     def _take_tight(self) -> bool:
         """Take those that lack room, once there are no others and will be none."""
@@ -356,7 +381,8 @@ class Reaches:
 
         As far as it needs for its room; where no way is so long, with the most of it.
         """
-        best, most, far = None, -np.inf, self.back
+        best, most = None, -np.inf
+        far = self.back * self.settings.shares[self._share]
         for _ in range(self.settings.lengths):
             before = straight_back(self.planner, T, q, far, self.settings)
             if before is None:

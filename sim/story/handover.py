@@ -19,6 +19,7 @@ import numpy as np
 from handover.human.body import Part
 from handover.targets.allowance import Allowance
 from handover.targets.live_targets import THERE, LiveTargets
+from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
 from odm.cell_map.payload import carried_object
 from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, SLOWED, STANDING, Executor
@@ -40,6 +41,7 @@ from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     Reach,
     Reaches,
+    beads,
     box_of,
     check_grasps,
     is_valid,
@@ -49,7 +51,12 @@ from sim.story.grasping import (
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
 from sim.story.pull import PullDetector
-from sim.story.settings import ConductSettings, StorySettings
+from sim.story.settings import (
+    AT_PLACE,
+    HELD_AT_PLACE,
+    ConductSettings,
+    StorySettings,
+)
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
@@ -105,7 +112,9 @@ class Handover:
         thing: The object's solid, object frame, a closed mesh of the user's or any
             shape of `odm`; None: a box around its capsules.
         T_base_place: (4, 4) of the object in its place on a table: where it is fetched
-            from and put down [m]; None: it is in the hand already, or is kept.
+            from and put down [m]; or (n, 4, 4), its place first, then others in which
+            it is put down where that is not free; None: it is in the hand already, or
+            is kept.
         conduct: How frames are read, and their time is shared out.
 
     Attributes:
@@ -141,9 +150,7 @@ class Handover:
                 "who may be touched; give it PhasePlanner(planner) for its planner"
             )
         executor.part_from(self.view.held_out)
-        self._T_place = None
-        if T_base_place is not None:
-            self._T_place = np.array(check_pose(T_base_place, "T_base_place"))
+        self._T_place, self._T_others = _checked_places(T_base_place)
         self._give = s.direction == "give"
         fetches = self.fetches = self._give and T_base_place is not None
         begin = table.FETCH if fetches else table.APPROACH
@@ -167,7 +174,7 @@ class Handover:
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
         self._watcher = Watcher(s.threat)
         self._berth = Berth(self.executor, s.threat)
-        grasps = quarter_turns(meet.obj.T_tool_object)
+        grasps = quarter_turns(meet.obj.T_tool_object, meet.obj.turns)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
             # what is in the hand already may lie in it: nobody has to close on that
@@ -179,6 +186,8 @@ class Handover:
         self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
         self._tried = 0  # how often no motion to the object was free, in a row
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
+        self._places = Places(0)  # where it may be put down
+        self._came: tuple[float, float] = 0.0, 0.0  # when to one, hindered by then [s]
         self._put = self._T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
@@ -196,6 +205,7 @@ class Handover:
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         self._placeless = False  # there is no place to put the object down
+        self._why_kept = ""  # what kept it from the last place it tried
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
         self._now: float | None = None  # the last frame's time [s]
         self._no_time = ""  # why none passed
@@ -225,7 +235,8 @@ class Handover:
             why = "no place within reach of both is known"
         executor = self.executor
         stands = executor.reason if not why or executor.state == STANDING else ""
-        told = [self.machine.reason, why, stands, self._no_time]
+        kept = self._why_kept if self.state == table.KEPT else ""
+        told = [self.machine.reason, kept, why, stands, self._no_time]
         return "; ".join(t for t in told if t)
 
     @property
@@ -343,7 +354,8 @@ class Handover:
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
         at_place = self.state in (table.FETCH, table.PUT_DOWN)
-        self.view.at_place = at_place and self._step.kind not in ("goal", "place")
+        stands = self._step.kind in ("goal", "place", "pause")
+        self.view.at_place = at_place and not stands
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
         dt = self._passed(frame.now)
@@ -474,8 +486,8 @@ class Handover:
         if self.executor.state in (SLOWED, BRAKED):
             self._hindered_s += seen.dt
         away = seen.hand_gap > s.gone
-        fetching = self.state in (table.FETCH, table.PUT_DOWN)
-        limits = s.fetch_s if fetching else s.wait_s
+        limits = {table.FETCH: s.fetch_s, table.PUT_DOWN: s.put_down_s}
+        limit = limits.get(self.state, s.wait_s)
         checks = {
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
             "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
@@ -485,15 +497,17 @@ class Handover:
                 "gone", away and not self._pull.pulls, seen.dt, self.conduct.gone_s
             ),
             "open": frame.opened,
-            "hindered": passed > limits and 2.0 * self._hindered_s > passed,
-            "under_way": passed > limits and self._is_under_way(),
-            "late": passed > limits,
-            "late_holding": passed > limits and self.holding,
+            "hindered": passed > limit and 2.0 * self._hindered_s > passed,
+            "under_way": passed > limit and self._is_under_way(),
+            "late": passed > limit,
+            "late_holding": passed > limit and self.holding,
+            "beset": passed > limit and self.holding and self._is_beset(passed),
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
         checks["in_vain"] = checks["blocked"] and self._tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
+        ended = over or passed > limit
         gripped = self.holding and frame.holds
         unpulled = gripped and not self._pull.pulls
         empty = self.fingers == CLOSED and not frame.holds and not self.holding
@@ -503,11 +517,17 @@ class Handover:
             "missed": self._passed_grip() and empty,
             "away": over,
             "away_holding": over and self.holding,
-            "placed": over and not self._placeless,
-            "no_place": over and self._placeless,
+            "placed": over and not self._placeless and not self._places.now,
+            "placed_elsewhere": over and not self._placeless and self._places.now,
+            "no_place": ended and self._placeless and self._T_place is None,
+            "unreached": ended and self._placeless and self._T_place is not None,
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _is_beset(self, passed: float) -> bool:
+        """Whether the person kept it from putting the object down, so far [s]."""
+        return self._places.beset or 2.0 * self._hindered_s > passed
 
     def _is_under_way(self) -> bool:
         """Whether it is moving to where it can give or take the object."""
@@ -594,7 +614,7 @@ class Handover:
         if kind == "goal" and executor.state == BRAKED:
             return True  # the path is free, but passes too near to somebody to be gone
         held = getattr(self.answer, "status", "") == "holding"
-        return kind in ("goal", "line", "back", "close") and held
+        return kind in ("goal", "line", "up", "back", "close") and held
 
     def _passed_grip(self) -> bool:
         step = self._step
@@ -667,31 +687,125 @@ class Handover:
         return [above, at, Step("grip", CLOSED), Step("take"), up]
 
     def _putting_down(self) -> list[Step]:
-        """Return the steps that lead to the object's place, once it is known how."""
-        self._placeless, self._at_place = False, None
-        if self._T_place is not None:
+        """Return the steps that lead to a place, once it is known how."""
+        self._placeless, self._at_place, self._why_kept = False, None, ""
+        n = 0 if self._T_place is None else 1 + len(self._T_others)
+        self._places = Places(n)
+        if not n:
+            return [Step("place")]
+        return self._to_next_place(self._last)
+
+    def _to_next_place(self, seen: _Seen | None) -> list[Step]:
+        """Return the steps to the next place to try; to rest, where all were tried."""
+        places = self._places
+        gaps = self._gaps_of_places(seen)
+        k = places.begin_next(gaps, self.planner.keep)
+        self._came = self._now or 0.0, self._hindered_s
+        if k is not None:
             self._at_place = self._looks_at_place(), 0
-        return [Step("place")]
+            return [Step("place")]
+        self._at_place = None
+        self._placeless = places.unreached
+        rest = Step("goal", [self._rest])
+        return [rest] if self._placeless else [rest, Step("pause", gaps)]
+
+    def _gaps_of_places(self, seen: _Seen | None) -> np.ndarray:
+        """Return (n,) how far the person is from the object in each place [m]."""
+        T_places = self._all_places()
+        if seen is None or not seen.people:
+            return np.full(len(T_places), np.inf)
+        person = seen.there.capsules[: seen.people]
+        rods = [moved_rods(self._obj.capsules, T) for T in T_places]
+        return np.array([ball_gaps(beads(row, 5), person).min() for row in rods])
+
+    def _all_places(self) -> list[np.ndarray]:
+        """Return the places (4, 4) where the object may be put down, its own first."""
+        return [] if self._T_place is None else [self._T_place, *self._T_others]
+
+    def _leave_place(self, seen: _Seen, why: str) -> None:
+        """Go on to another place: this one cannot be come to now."""
+        self._places.leave(why)
+        self._why_kept = self._why_no_place(why)
+        steps = self._to_next_place(seen)
+        if self._step.kind == "line":  # it stands low, beside what it stands on
+            steps = [Step("up", self._steps[0].value[0]), *steps]
+        self._begin_steps(steps)
+
+    def _why_no_place(self, why: str) -> str:
+        """Return what keeps it from a place, as planner and executor say it."""
+        held = getattr(self.answer, "status", "") == "holding"
+        told = getattr(self.answer, "reason", "") if held else ""
+        return told or self.executor.reason if why != UNREACHED else ""
+
+    def _give_up_place(self, seen: _Seen) -> None:
+        """Leave the place where no motion leads on, or the person is in the way."""
+        places, kind = self._places, self._step.kind
+        waits = places.now is None and not self._placeless
+        if waits and kind == "goal" and "blocked" in self._signalled:
+            self._next()  # the way to rest: it waits where it is
+        if places.now is None or not self.holding or kind not in ("goal", "line"):
+            return
+        since, hindered = self._now - self._came[0], self._hindered_s - self._came[1]
+        if since > self.settings.place_s and 2.0 * hindered > since:
+            self._leave_place(seen, BESET)
+        elif "blocked" in self._signalled and not self._reach_otherwise():
+            braked = self.executor.state == BRAKED
+            self._leave_place(seen, BESET if braked else BLOCKED)
+
+    def _pause(self, seen: _Seen, q: np.ndarray, gaps: np.ndarray) -> object:
+        """Stand until the person has moved off a place, or for a while; try anew."""
+        now = self._gaps_of_places(seen)
+        moved_off = (now > gaps + self.conduct.moved_off).any()
+        if moved_off or self._now - self._begun > self.settings.again_s:
+            self._places.forget()
+            self._begin_steps(self._to_next_place(seen))
+        return self._stand(seen, q)
 
     def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
-        """Look for a way to the object's place, one costly thing a frame; stand."""
+        """Look for a way to a place of the object, one costly thing a frame; stand."""
         look = None if self._at_place is None else self._at_place[0]
         grants, takes = self._allowance.grants, self._allowance.takes
-        if look is not None and look.at is None:
+        if look is None:  # it is kept
+            self._placeless = True
+            self._begin_steps([Step("goal", [self._rest])])
+        elif look.at is None:
             if grants(takes.reach):
-                look.begin(self._T_place, q)
-        elif look is not None and not look.found and not look.over:
+                look.begin(self._all_places()[self._places.now], q)
+        elif not look.found and not look.over:
             if grants(takes.reach):
                 look.work()
-        elif look is None or not look.found:  # it is kept
-            self._placeless, self._at_place = True, None
-            self._begin_steps([Step("goal", [self._rest])])
-        elif not self._is_ready(look.found[0].q_before):
+        elif not look.found:
+            self._leave_place(seen, UNREACHED)
+        elif not self._is_ready(look.found[self._at_place[1]].q_before):
             if grants(takes.prepare):
-                self.planner.prepare_goal(look.found[0].q_before)
+                self.planner.prepare_goal(look.found[self._at_place[1]].q_before)
         else:
-            self._begin_steps(self._putting_down_by(look.found[0]))
+            self._try_place(seen, look)
         return self._stand(seen, q)
+
+    def _try_place(self, seen: _Seen, look: Reaches) -> None:
+        """Set off to a place if its way down is free now; one is looked at a frame.
+
+        The own place is waited for a little, the others are not.
+        """
+        k = self._at_place[1]
+        reach, self.view.at_place = look.found[k], True
+        with self.view.as_in("receive", np.full(len(seen.classes), AVOID, np.int8)):
+            free = self.view.line_free(reach.q_before, reach.q, seen.there)
+        self.view.at_place = False
+        waited = self.settings.blocked_s if self._places.now == 0 else 0.0
+        if free:
+            self._at_place = look, k
+            self._begin_steps(self._putting_down_by(reach))
+        elif k + 1 < len(look.found):
+            self._at_place = look, k + 1
+        elif not look.over:
+            if self._allowance.grants(self._allowance.takes.reach):
+                look.work()
+        elif self._now - self._came[0] >= waited:
+            self._leave_place(seen, BESET)
+        else:
+            self._at_place = look, 0
 
     def _begin_steps(self, steps: list[Step]) -> None:
         """Go on with other steps."""
@@ -722,31 +836,48 @@ class Handover:
         return look.found[0]
 
     def _looks_at_place(self) -> Reaches:
-        """Return who looks for grasps in the place; by that with which it is held."""
+        """Return who looks for grasps in a place; by that with which it is held.
+
+        In a place that is not its own there is nothing that may hold the object: robot
+        and object come down to what it stands on, clear of all else.
+        """
         held = self._T_tool_object if self.holding else None
         grasps = self._reaches.T_tool_object if held is None else held[None]
         index = self.targets.finder.index
+        settings = AT_PLACE if held is None else HELD_AT_PLACE
         beside = self._obj.capsules, self.settings.room
-        return Reaches(self.planner, index, grasps, self.settings.back, None, *beside)
+        told = self.planner, index, grasps, self.settings.back
+        if not self._places.now:
+            return Reaches(*told, None, *beside, None, settings)
+        T = self._all_places()[self._places.now]
+        scenery = self.planner.cell_map.scenery
+        on = carries(scenery, self._obj.capsules, T)
+        return Reaches(*told, self._carried, *beside, on, settings)
 
-    def _reach_otherwise(self) -> None:
+    def _reach_otherwise(self) -> bool:
         """Go to the object's place with another grasp or arm: this one is blocked.
 
         One start of the search a frame; after the last one found comes the first.
+
+        Returns:
+            False where all ways to put it down there have been tried.
         """
-        if self._at_place is None:
-            return
+        fetches = self.state == table.FETCH
+        if self._at_place is None or (not fetches and self._at > 0):
+            return False
         look, k = self._at_place
         if k + 1 == len(look.found) and not look.over:
             if self._allowance.grants(self._allowance.takes.reach):
                 look.work()
-            return
+            return True
+        if k + 1 == len(look.found) and not fetches:
+            return False
         if len(look.found) > 1:
             k = (k + 1) % len(look.found)
             self._at_place = look, k
-            fetches = self.state == table.FETCH
             steps_by = self._fetching_by if fetches else self._putting_down_by
             self._begin_steps(steps_by(look.found[k]))
+        return True
 
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
@@ -779,10 +910,13 @@ class Handover:
             self.fingers = OPEN  # to above the object, and down anew
             self._begin_steps(self._steps)
             step = self._step
-        comes = self.state in (table.FETCH, table.PUT_DOWN) and self._at == 0
-        if comes and step.kind == "goal" and "blocked" in self._signalled:
-            self._reach_otherwise()
+        if self.state == table.PUT_DOWN:
+            self._give_up_place(seen)
             step = self._step
+        elif self.state == table.FETCH and self._at == 0 and step.kind == "goal":
+            if "blocked" in self._signalled:
+                self._reach_otherwise()
+                step = self._step
         if self._begun is None:
             self._begun = self._now
         if step.kind == "targets":
@@ -793,7 +927,9 @@ class Handover:
             return self._go(seen, q, step.value)
         if step.kind == "place":
             return self._find_place(seen, q)
-        if step.kind in ("line", "back"):
+        if step.kind == "pause":
+            return self._pause(seen, q, step.value)
+        if step.kind in ("line", "up", "back"):
             return self._follow(seen, q, step.value)
         if step.kind == "close":
             return self._close_in(seen, q)
@@ -1037,6 +1173,24 @@ def _are_same(goals: list[np.ndarray], others: list[np.ndarray]) -> bool:
 def _holding(reason: str) -> SimpleNamespace:
     nowhere = np.zeros((0, 0))
     return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
+
+
+def _checked_places(
+    T_base_place: np.ndarray | None,
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """Return the object's place (4, 4), None: none, and (n, 4, 4) other places."""
+    if T_base_place is None:
+        return None, np.zeros((0, 4, 4))
+    rows = np.asarray(T_base_place, float)
+    if rows.ndim == 2:
+        rows = rows[None]
+    if rows.ndim != 3 or not len(rows):
+        raise BadInput(
+            f"T_base_place has shape {np.shape(T_base_place)}; give one pose (4, 4), "
+            "or several (n, 4, 4), the object's own place first"
+        )
+    places = np.array([check_pose(T, "T_base_place") for T in rows])
+    return places[0], places[1:]
 
 
 def _check_pads(planner: ReactivePlanner) -> None:

@@ -54,14 +54,49 @@ SIGNALS = {
     "away": "the robot is back, out of the way",
     "away_holding": "the robot is back, the object in its hand",
     "placed": "the object stands in its place",
+    "placed_elsewhere": "the object stands in another place",
     "no_place": "the robot is at rest, and knows no place for the object",
+    "unreached": "the robot is at rest, and no place is within reach as it holds it",
     "blocked": "no certified motion has led on for a while",
     "in_vain": "no certified motion has led on, as often as it is tried",
     "hindered": "the time limit is over, most of it slowed or stopped for the person",
     "under_way": "the time limit is over, and it is still on its way",
     "late": "the state has lasted longer than its time limit",
     "late_holding": "the state has lasted too long, and the object is in the hand",
+    "beset": "the same, and the person was in the way to the places",
 }
+
+_OF_PLACES = (
+    Row(
+        PUT_DOWN,
+        "placed_elsewhere",
+        RETREAT,
+        "its place was not free: the object stands in another one",
+    ),
+    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
+    Row(
+        PUT_DOWN,
+        "unreached",
+        KEPT,
+        "no place is within reach as it is held: it keeps the object",
+        True,
+    ),
+    Row(
+        PUT_DOWN,
+        "beset",
+        KEPT,
+        "the person is in the way to each place: it keeps the object",
+        True,
+    ),
+    Row(
+        PUT_DOWN,
+        "late_holding",
+        KEPT,
+        "no free way leads to a place: it keeps the object",
+        True,
+    ),
+    Row(PUT_DOWN, "late", RETREAT, "its way back from the place is blocked", True),
+)
 
 GIVE = (
     Row(FETCH, "held", APPROACH, "the object is in the hand"),
@@ -95,9 +130,8 @@ GIVE = (
     Row(RETREAT, "away", DONE, "it is back"),
     Row(RETREAT, "late", DONE, "its way back is blocked: it stands", True),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
-    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object is back in its place"),
-    Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
+    *_OF_PLACES,
 )
 
 RECEIVE = (
@@ -126,9 +160,8 @@ RECEIVE = (
     Row(RETREAT, "late_holding", KEPT, "its way back is blocked: it keeps it", True),
     Row(RETREAT, "late", DONE, "its way back is blocked: it stands", True),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way", True),
-    Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
     Row(PUT_DOWN, "placed", RETREAT, "the object stands in its place"),
-    Row(PUT_DOWN, "late", KEPT, "its place is blocked: it keeps the object", True),
+    *_OF_PLACES,
 )
 TABLES: Mapping[str, tuple[Row, ...]] = {"give": GIVE, "receive": RECEIVE}
 

@@ -278,12 +278,13 @@ class StoryPlay:
             partner.holds = False
         if fingers.T_tool_object is None and held and not partner.holds:
             self._T_object = None
-            T = setup.T_place
-            if T is not None and T_tool_object is not None and not self._fell:
+            places = setup.places()
+            if places is not None and T_tool_object is not None and not self._fell:
                 q = self.story.executor.set_point.q
                 at = tool_pose(self.planner.robot, q) @ T_tool_object
-                if np.linalg.norm(at[:3, 3] - T[:3, 3]) < 0.02:
-                    self._T_object = np.array(T)
+                off = np.linalg.norm(places[:, :3, 3] - at[:3, 3], axis=1)
+                if off.min() < 0.02:
+                    self._T_object = np.array(places[off.argmin()])
         elif fingers.T_tool_object is not None:
             self._T_object = None
 
@@ -394,8 +395,8 @@ def new_story(
         EXECUTION,
     )
     targets = setup.targets(planner, human, settings.threat)
-    T_place = setup.T_place if fetch or not give else None
-    return Handover(planner, targets, executor, settings, None, T_place)
+    places = setup.places() if fetch or not give else None
+    return Handover(planner, targets, executor, settings, None, places)
 
 
 def play(

@@ -8,6 +8,7 @@ import numpy as np
 from handover.human.human import Human
 from handover.human.human_arm import SIDES
 from handover.human.skeleton import Skeleton
+from handover.meet.held_object import HeldObject
 from roadmap.errors import BadInput
 from sim.loop.run_result import STATUS, holds_of
 from sim.record.record_check import BadRecord
@@ -23,6 +24,7 @@ from sim.story.settings import StorySettings
 _NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf}  # of speeds near the hand
 _NO_GAZE = np.full(3, np.nan)  # nobody knows where they look
 _LENGTHS = tuple(f.name for f in fields(Skeleton))
+_ARRAYS = ("capsules", "T_tool_object", "hand_grasps")  # of a HeldObject
 _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
 
 
@@ -119,7 +121,9 @@ class StoryRecorder:
             "states": _states(case.direction),
             "reach": setup.reach.hash,
             "settings": asdict(story.settings),
+            "others": setup.T_others.tolist(),
             "object": setup.obj.name,
+            "held": _held(setup.obj),
             "person": {
                 "height": human.height,
                 "posture": human.posture,
@@ -221,6 +225,10 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
 
     known = dict(told["settings"])
     known.setdefault("comes", 0.0)  # in older recordings any hand that near counts
+    known.setdefault("put_down_s", known["fetch_s"])
+    known.setdefault("place_s", 3600.0)  # they waited at the one place there was
+    others = np.array(told.get("others", [])).reshape(-1, 4, 4)
+    setup = replace(setup, T_others=others)
     known["pull"] = PullSettings(**known["pull"])
     # recordings from before there was such a thing knew no comfort
     known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
@@ -228,6 +236,22 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     known["comfort"] = ComfortSettings(**known.get("comfort", none))
     known["threat"] = ThreatSettings(**known.get("threat", {}))  # of no choice before
     return new_story(setup, StorySettings(**known), human, told["fetch"])
+
+
+def _held(obj: HeldObject) -> dict:
+    """Return what is handed over as plain data."""
+    rows = {k: np.asarray(getattr(obj, k)).tolist() for k in _ARRAYS}
+    return {"name": obj.name, "mass_kg": obj.mass_kg, "turns": obj.turns, **rows}
+
+
+def object_of(head: dict) -> HeldObject | None:
+    """Return what was handed over, of a recording's head; None: it does not say."""
+    told = head["story"].get("held")
+    if told is None:
+        return None
+    return HeldObject(
+        **{k: np.array(v) if k in _ARRAYS else v for k, v in told.items()}
+    )
 
 
 def same(record: RunRecord, q: np.ndarray, states: list[str]) -> bool:

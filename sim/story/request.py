@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.run.request import file_trouble, page_trouble
-from sim.terminal.checks import FILM, PICTURES, SECONDS, Writes
+from sim.terminal.checks import FILM, PICTURES, SECONDS, Limits, Writes
 from sim.terminal.flags import Json, Seed, Threads, argument, flag
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
@@ -56,6 +56,22 @@ class DemoRequest:
         "those with 'finger' or 'pad' in their name if left.",
         metavar="LINK",
     )
+    object: str | None = flag(
+        None,
+        "What is handed over (handover): a closed mesh (STL, OBJ, ...) that the hand "
+        "can hold, or an object by name; a wrench if left.",
+        metavar="FILE",
+    )
+    mass: float | None = flag(
+        None,
+        "Mass of the mesh in kg (--object); 500 kg/m3 times its volume if left.",
+        limits=Limits(0.0, 100.0, "kg", above=True, hint="such as 0.3"),
+    )
+    scale: float | None = flag(
+        None,
+        "Unit of the mesh in m (--object): 0.001 for millimetres; metres if left.",
+        limits=Limits(0.0, 1000.0, "", above=True, hint="such as 0.001"),
+    )
     record: Path | None = flag(
         None,
         "Write the hand-over; `odm replay` repeats it, `odm view` shows it.",
@@ -99,7 +115,7 @@ class DemoRequest:
             word = "cycles" if self.robot is None else "robot"
             return f"--{word} goes with `odm demo maintenance`; leave it out"
         only = ("direction", "human", "file", "mapping", "reach", "map_dir")
-        only = (*only, "pads", "record", "film")
+        only = (*only, "pads", "record", "film", "object", "mass", "scale")
         if self.story == WORK:
             given = [n for n in only if getattr(self, n) is not None]
             given += [n for n in ("accept_defects", "view") if getattr(self, n)]
@@ -107,6 +123,9 @@ class DemoRequest:
                 word = given[0].replace("map_dir", "map").replace("_", "-")
                 return f"--{word} goes with `odm demo handover`; leave it out"
             return page_trouble(False, self.port, self.host, self.token)
+        if self.object is None and (self.mass or self.scale):
+            word = "scale" if self.mass is None else "mass"
+            return f"--{word} goes with --object FILE; leave it out"
         if self.direction not in (None, "give", "receive"):
             return f"--direction is {self.direction!r}: choose give or receive"
         if self.human not in (None, "scripted", MOCAP, KEYBOARD):
@@ -126,6 +145,7 @@ class DemoRequest:
 
     def _trouble_of_the_cycle(self) -> str:
         person = ("direction", "human", "file", "mapping", "accept_defects")
+        person = (*person, "object", "mass", "scale")
         for name in (*person, "view", "port", "host", "token"):
             if getattr(self, name):
                 word = name.replace("_", "-")

@@ -78,6 +78,7 @@ class ConductSettings:
         tell_s: The planner is told so often where the person will be [s]; its history
             is ten times as long,
         late_s: ... and no later than so, before the step [s].
+        moved_off: A person who is so much farther from a place has moved off [m].
         tests: Tests of `improve` in a frame, where there is time for them,
         tests_moving: ... and of a robot on its way.
         braked_every: Frames of a braked robot, after which it looks for grasps anew.
@@ -94,6 +95,7 @@ class ConductSettings:
     periods: int = 3
     tell_s: float = 0.025
     late_s: float = 0.08
+    moved_off: float = 0.05
     tests: int = 2
     tests_moving: int = 1
     braked_every: int = 4
@@ -104,6 +106,7 @@ class ConductSettings:
         ranges: dict = dict.fromkeys(counts, (1, 1000, ""))
         ranges |= dict.fromkeys(times, (0.001, 60.0, "s"))
         ranges |= {"arrived": (1e-9, 0.1, "rad or m"), "tracked": (0.0, 0.1, "m")}
+        ranges["moved_off"] = (0.001, 2.0, "m")
         ranges |= {"stands": (1e-9, 1.0, "rad/s or m/s"), "hurries": (0.1, 100.0, "")}
         check_settings(self, ranges, counts)
         check_row(self, "expected", 0.0, 10.0, "s")
@@ -115,6 +118,8 @@ class GraspingSettings:
 
     Attributes:
         seeds: Near nodes that inverse kinematics begins from, for each grasp.
+        shares: Shares of the straight way's length: each is tried where those before it
+            lead nowhere.
         kept: Pairs, at the object and before it, that are kept.
         steps: Steps of the inverse kinematics.
         tolerance: Largest error of the tool's pose [m] and [rad].
@@ -127,6 +132,7 @@ class GraspingSettings:
     """
 
     seeds: int = 6
+    shares: tuple[float, ...] = (1.0,)
     kept: int = 4
     steps: int = 40
     tolerance: float = 1e-3
@@ -143,6 +149,12 @@ class GraspingSettings:
         ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
         ranges |= {"tolerance": (1e-9, 0.1, ""), "straight": (0.01, np.pi, "rad")}
         check_settings(self, ranges, counts)
+        check_row(self, "shares", 0.05, 1.0, "")
+
+
+# at a place on a table; the object in the hand is held by one grasp of four
+AT_PLACE = GraspingSettings(shares=(1.0, 0.75, 0.5))
+HELD_AT_PLACE = GraspingSettings(seeds=24, shares=(1.0, 0.75, 0.5))
 
 
 @dataclass(frozen=True)
@@ -205,8 +217,13 @@ class StorySettings:
         stuck_s: A robot that has to stand on its way to a target for so long goes to
             another one first [s].
         grip_s: After so long the fingers have closed on the object or on nothing [s].
-        wait_s: Patience in any state beside the person, and for the place [s].
+        wait_s: Patience in any state beside the person [s].
         fetch_s: For fetching the object [s].
+        place_s: On its way to a place for so long [s], most of it slowed or stopped for
+            the person, it puts the object down in another one.
+        again_s: Where it came to none, it waits at rest for so long [s], or until the
+            person has moved off, and tries them again.
+        put_down_s: For putting the object down, other places and waiting included [s].
         slow: Whether the speed near the person follows `speed`.
         pull: What counts as a pull at the wrist.
         speed: Terms of speed and separation.
@@ -235,6 +252,9 @@ class StorySettings:
     grip_s: float = 0.6
     wait_s: float = 15.0
     fetch_s: float = 20.0
+    place_s: float = 6.0
+    again_s: float = 3.0
+    put_down_s: float = 45.0
     slow: bool = True
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
@@ -256,7 +276,7 @@ class StorySettings:
             check_kind(name, getattr(self, name), kind, f"give {kind.__name__}(...)")
         lengths = ("near", "gone", "back", "follow", "between")
         times = ("steady_s", "leave_s", "blocked_s", "stuck_s", "grip_s")
-        times += ("wait_s", "fetch_s")
+        times += ("wait_s", "fetch_s", "place_s", "again_s", "put_down_s")
         ranges = {name: (0.001, 2.0, "m") for name in lengths}
         ranges |= {name: (0.001, 3600.0, "s") for name in times}
         ranges["between_rad"] = (0.001, np.pi, "rad")

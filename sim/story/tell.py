@@ -17,7 +17,14 @@ from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
 from sim.run.demo import open_world
-from sim.story.cases import PLACE_XY, StoryCase, StorySetup, setup_of, slow_to_stop
+from sim.story.cases import (
+    PLACE_XY,
+    StoryCase,
+    StorySetup,
+    own_object,
+    setup_of,
+    slow_to_stop,
+)
 from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
 from sim.story.page import StoryPage
@@ -70,7 +77,7 @@ def tell_story(
     say: Callable[[str], None] = (lambda text: None) if quiet else print
     who = live.person if live else person
     with Bars("placing robot, object and person"):
-        setup = setup_of(cell_map, reach, pads=request.pads or ())
+        setup = _setup_of(request, cell_map, reach)
         wrist, note = wrist_of(setup)
         run = _run_of(request, setup, wrist, who)
     say(_said_before(setup, run, note))
@@ -106,6 +113,15 @@ def tell_story(
     found["story_sha256"] = record.head["outcome"]["story_sha256"]
     say("\n".join((summary_of(result), *map(str, files))))
     return found
+
+
+def _setup_of(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> StorySetup:
+    """Return the setup, with an object of the user's where one was given."""
+    pads, obj = request.pads or (), None
+    if request.object is not None:
+        mesh = request.object, request.mass, request.scale or 1.0
+        obj = own_object(cell_map, pads, *mesh)
+    return setup_of(cell_map, reach, obj, pads=pads)
 
 
 def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:

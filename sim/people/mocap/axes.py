@@ -17,33 +17,63 @@ Joints = dict[str, np.ndarray]
 
 
 def metres_per_unit(
-    tracks: Tracks, joints: Joints, unit: str | float | None
+    tracks: Tracks, joints: Joints, unit: str | float | None, said_by: str = ""
 ) -> tuple[float, str]:
     """Return the length of the file's unit [m], and a sentence where it was guessed.
 
+    Args:
+        tracks: The recording.
+        joints: Joint -> (F, 3) in the file's unit.
+        unit: By name or in metres; None: what the file says, else a guess.
+        said_by: Who gave `unit`, in words.
+
     Raises:
-        BadMocap: The unit is unknown, or no unit gives the person a person's arm.
+        BadMocap: The unit is unknown, or gives nobody's arm.
     """
-    if unit is not None:
-        return _stated(unit), ""
-    if tracks.metres_per_unit is not None:
-        return tracks.metres_per_unit, ""
     lengths = [_arm_length(joints, side) for side in SIDES]
-    lengths = [length for length in lengths if length is not None]
-    if not lengths:
+    length = float(np.median([n for n in lengths if n is not None] or [np.nan]))
+    told = tracks.metres_per_unit if unit is None else _stated(unit)
+    if told is not None:
+        _check_arm(tracks.source, length, told, said_by or f"{tracks.source} says so")
+        return told, ""
+    if np.isnan(length):
         raise BadMocap(
             f"no arm is ever seen in {tracks.source}: shoulder, elbow and hand are in "
             "no frame together; check the tracker, or map other bodies"
         )
-    length = float(np.median(lengths))
+    fitting = _fitting(length)
+    if fitting is None:
+        raise BadMocap(
+            f"the arm in {tracks.source} is {length:.4g} units long, which is no "
+            f"person's in {', '.join(UNITS)}; give the metres of a unit, as "
+            "unit = 0.05, in the mapping (--mapping FILE)"
+        )
+    metres = UNITS[fitting]
+    return metres, f"taken as {fitting}: the arm is then {length * metres:.2f} m long"
+
+
+def _fitting(length: float) -> str | None:
+    """Return the unit in which an arm is that of a person; None: in none."""
     low, high = ARM_LENGTH
-    for name, metres in UNITS.items():
-        if low <= length * metres <= high:
-            said = f"taken as {name}: the arm is then {length * metres:.2f} m long"
-            return metres, said
+    found = (name for name, one in UNITS.items() if low <= length * one <= high)
+    return next(found, None)
+
+
+def _check_arm(source: str, length: float, metres: float, said_by: str) -> None:
+    """Refuse a unit in which the arm, so many units long, is nobody's."""
+    low, high = ARM_LENGTH
+    # what was stated is doubted only where it is far off
+    if np.isnan(length) or 0.5 * low <= length * metres <= 2.0 * high:
+        return
+    names = {one: name for name, one in UNITS.items()}
+    stated = names.get(metres, f"{metres:g} m")
+    fitting = _fitting(length)
+    remedy = f'it looks like {fitting}: give unit = "{fitting}"'
+    if fitting is None:
+        remedy = "give the metres of a unit, as unit = 0.05,"
     raise BadMocap(
-        f"the arm in {tracks.source} is {length:.4g} units long, which is no person's "
-        f"in {', '.join(UNITS)}; give the unit, as metres or by name"
+        f"the arm in {source} is {length * metres:.3g} m long in the unit {stated} "
+        f"({said_by}), which is no person's; {remedy} in the mapping (--mapping FILE)"
     )
 
 

@@ -14,7 +14,7 @@ from sim.people.mocap.defects import defects
 from sim.people.mocap.faults import Faults, fastest, find_faults, first_frame
 from sim.people.mocap.mocap_motion import MocapMotion
 from sim.people.mocap.placing import base_from_recording
-from sim.people.mocap.skeletons import joints_of
+from sim.people.mocap.skeletons import joints_of, unit_of
 from sim.people.mocap.tracks import BadMocap, Tracks, read_text
 from sim.people.mocap.unseen import (
     WALKING,
@@ -108,6 +108,7 @@ def load_mocap(
     Args:
         path: A Vicon .csv of tracks, or a .bvh.
         mapping: Joint -> name in the file, or a TOML file of it; None: built-in lists.
+            Its `unit`, if it has one, counts before that of the file.
         settings: Units, axes, place, what to do at the end.
 
     Raises:
@@ -143,10 +144,14 @@ def _measured(
     tracks: Tracks, mapping: object, settings: MocapSettings
 ) -> tuple[dict[str, np.ndarray], float, list[str]]:
     """Return joint -> (F, 3) places with z up [m], the rate [Hz], and what was said."""
-    names, label = joints_of(tracks, mapping)
+    mapping, unit, label = unit_of(mapping)
+    said_by = f"{label} says so"
+    if settings.unit is not None:
+        unit, said_by = settings.unit, "unit of the settings"
+    names, label = joints_of(tracks, mapping, label)
     places = {joint: tracks.places[name] for joint, name in names.items()}
     rest = {j: tracks.rest[n][None] for j, n in names.items() if n in tracks.rest}
-    metres, unit_said = metres_per_unit(tracks, places, settings.unit)
+    metres, unit_said = metres_per_unit(tracks, places, unit, said_by if unit else "")
     up, up_said = up_axis(tracks, places, rest, settings.up)
     stride = max(int(tracks.rate_hz // ENOUGH_HZ), 1)
     rate = tracks.rate_hz / stride

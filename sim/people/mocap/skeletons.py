@@ -96,7 +96,9 @@ BUILT_IN = {
 
 
 def joints_of(
-    tracks: Tracks, mapping: str | Path | Mapping[str, str] | None = None
+    tracks: Tracks,
+    mapping: str | Path | Mapping[str, str] | None = None,
+    label: str = "the mapping",
 ) -> tuple[dict[str, str], str]:
     """Return which name of the recording is which joint.
 
@@ -105,6 +107,7 @@ def joints_of(
         mapping: Joint -> name in the recording, or a TOML file that holds it; None
             takes the built-in list that fits best. Names are compared without case
             and without a namespace (`mixamorig:`).
+        label: What the mapping is called; a file has its name.
 
     Returns:
         Joint of `handover.human.body.JOINTS`, or a foot -> name as the recording spells
@@ -116,7 +119,6 @@ def joints_of(
     """
     if mapping is None:
         return _best(tracks)
-    label = "the mapping"
     if not isinstance(mapping, Mapping):
         label = Path(mapping).name
         mapping = read_mapping(mapping)
@@ -152,6 +154,33 @@ def read_mapping(path: str | Path) -> dict[str, str]:
             f"the mapping {path.name} is no TOML ({error}); write lines like "
             'right_hand = "rHand"'
         ) from None
+
+
+def unit_of(
+    mapping: str | Path | Mapping[str, object] | None,
+) -> tuple[Mapping[str, str] | None, str | float | None, str]:
+    """Return a mapping without the `unit` it may state, that unit, and its name.
+
+    A mapping that holds nothing else is none: the built-in lists are looked at.
+
+    Raises:
+        BadMocap: The mapping cannot be read, or the unit is neither name nor number.
+    """
+    if mapping is None:
+        return None, None, ""
+    label = "the mapping"
+    if not isinstance(mapping, Mapping):
+        label = Path(mapping).name
+        mapping = read_mapping(mapping)
+    unit = mapping.get("unit")
+    wrong = isinstance(unit, bool) or not isinstance(unit, str | float | int | None)
+    if wrong:
+        raise BadMocap(
+            f'{label} gives unit = {unit!r}; give a name in quotes, as "cm", or the '
+            "metres of a unit"
+        )
+    names = {joint: name for joint, name in mapping.items() if joint != "unit"}
+    return names if names or unit is None else None, unit, label
 
 
 def _check(mapping: Mapping[str, str], label: str) -> None:

@@ -227,3 +227,22 @@ def test_a_person_upside_down_or_lying_is_refused(tmp_path):
     lying = {n: p[:, [2, 0, 1]] for n, p in person(30).items()}
     sentence = refusal(write_bvh(tmp_path / "b.bvh", lying, up="z"))
     assert "points along x" in sentence
+
+
+def test_a_unit_that_makes_the_arm_nobodys_is_refused_with_the_one_that_fits(tmp_path):
+    path = write_csv(tmp_path / "a.csv", person(60), unit="m")
+    path.write_text(path.read_text().replace(",m,m,m", ",mm,mm,mm"))
+    sentence = refusal(path)
+    assert "the arm in a.csv is 0.000" in sentence and "(a.csv says so)" in sentence
+    assert 'it looks like m: give unit = "m" in the mapping' in sentence
+    mapping = tmp_path / "unit.toml"
+    mapping.write_text('unit = "m"\n')  # alone: names are looked for as ever
+    motion = load_mocap(path, mapping=mapping)
+    right = load_mocap(write_csv(tmp_path / "b.csv", person(60), unit="m"))
+    np.testing.assert_allclose(motion.frames, right.frames, atol=1e-9)
+    mapping.write_text('unit = "cm"\n')
+    assert "in the unit cm (unit.toml says so)" in refusal(path, mapping=mapping)
+    mapping.write_text("unit = true\n")
+    assert "unit.toml gives unit = True" in refusal(path, mapping=mapping)
+    told = refusal(path, settings=MocapSettings(unit=40.0))
+    assert "in the unit 40 m (unit of the settings)" in told

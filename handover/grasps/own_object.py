@@ -1,0 +1,236 @@
+"""A mesh of the user's as what is handed over: how a gripper holds it, and its rods."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from handover.grasps.grasp_build import GraspSettings, build_grasps
+from handover.grasps.grasp_set import GraspSet
+from handover.grasps.hand import Hand, make_hand
+from handover.grasps.hands import HandSpec
+from handover.grasps.objects import GraspObject, load_object
+from handover.meet.held_object import HeldObject, fist_grasps
+from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import cover_balls, tool_pose
+from roadmap.loading.body_tree import drive
+from roadmap.robot.description import MOVABLE, Description, read_description
+from roadmap.robot.known import robot_file
+from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of
+
+GRASPING = GraspSettings(samples=60)  # enough for one good grasp, in seconds
+MOST_RODS = 12  # each costs every frame
+FIST = 0.05  # [m] of the object must stick out of the gripper for a person's hand
+_ENOUGH = 0.15  # [m] more than this is no better
+_FIST_FROM_END = 0.07  # [m] from the object's end to the middle of that hand
+_FINE = 0.006  # [m] longest edge of the triangles that rods are laid around
+_SLACK = 1.15  # a rod's radius, over the farthest point from its axis
+# the object's x points out of the hand, along the tool's z
+_OUT_OF_HAND = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def held_mesh(
+    source: str | Path,
+    robot: Robot,
+    urdf: str,
+    tip: str,
+    pads: Sequence[str],
+    mass_kg: float | None = None,
+    scale: float = 1.0,
+) -> HeldObject:
+    """Return a mesh as a robot's gripper holds it, to be taken where it sticks out.
+
+    The grasp is one of those that `build_grasps` finds for the gripper as the robot's
+    description has it: by force closure, the one that leaves most of the object before
+    the fingers, near the tool's axis.
+
+    Args:
+        source: A closed mesh (STL, OBJ, ...), or one of `handover.object_names()`.
+        robot: The robot.
+        urdf: Its known name, or its URDF.
+        tip: Link of its tool.
+        pads: Links that touch an object.
+        mass_kg: Mass of a mesh [kg]; None: 500 kg/m3 times its volume.
+        scale: What turns the mesh's unit into metres.
+
+    Raises:
+        BadInput: A mesh that is open, or too large or small for hands; one that the
+            gripper cannot hold, or that leaves no room for a person's hand.
+    """
+    thing = load_object(source, mass_kg, scale)
+    grasps, hand, T_tool_palm = _grasps_of(thing, robot, urdf, tip, pads)
+    corners = np.concatenate(thing.triangles())
+    best, most = None, -np.inf
+    for T_object_palm in grasps.T_object_palm:
+        T = T_tool_palm @ np.linalg.inv(T_object_palm)  # of the object, in the tool
+        points = corners.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        out = float(points[:, 2].max() - T_tool_palm[2, 3]) - hand.reach
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        score = min(out, _ENOUGH) - float(np.linalg.norm(middle[:2]))
+        if score > most:
+            best, most, sticks_out = T, score, out
+    if sticks_out < FIST:
+        raise BadInput(
+            f"{thing.name} sticks out of {robot.name}'s gripper by "
+            f"{100 * max(sticks_out, 0.0):.1f} cm however it is held, but a person's "
+            f"hand needs {100 * FIST:.0f} cm; give a longer object"
+        )
+    return _held(thing, corners @ best[:3, :3].T + best[:3, 3], len(pads))
+
+
+def _held(thing: GraspObject, corners: np.ndarray, n_pads: int) -> HeldObject:
+    """Return what is held, by its triangles (m, 3, 3) in the tool frame [m]."""
+    points = corners.reshape(-1, 3)
+    T = np.eye(4)
+    T[:3, :3] = _OUT_OF_HAND
+    T[:3, 3] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    own = (corners - T[:3, 3]) @ T[:3, :3]
+    end = float(own[..., 0].max())
+    place = max(end - _FIST_FROM_END, end - 0.5 * FIST - 0.5 * _FIST_FROM_END)
+    turns = 2 if n_pads == 2 else 1  # two jaws hold it turned by half a turn as well
+    grasps = fist_grasps([place])
+    return HeldObject(thing.name, rods_around(own), thing.mass_kg, T, grasps, turns)
+
+
+def rods_around(corners: np.ndarray, most: int = MOST_RODS) -> np.ndarray:
+    """Return capsules (k, 7) that hold all triangles (m, 3, 3), along the x axis [m].
+
+    Around as few strips as `most` allows, of about square sections: the finer, the less
+    sticks out.
+    """
+    import trimesh
+
+    vertices = corners.reshape(-1, 3)
+    faces = np.arange(len(vertices)).reshape(-1, 3)
+    v, f = trimesh.remesh.subdivide_to_size(vertices, faces, _FINE, max_iter=30)
+    fine = v[f]
+    low, size = fine.min(axis=(0, 1)), np.ptp(fine, axis=(0, 1))
+    best: np.ndarray | None = None
+    for ny in range(1, most + 1):
+        for nz in range(1, most // ny + 1):
+            n = np.array([ny, nz])
+            cell = (fine.mean(axis=1)[:, 1:] - low[1:]) / np.maximum(size[1:], 1e-9) * n
+            which = np.clip(cell.astype(int), 0, n - 1) @ [nz, 1]
+            rows = [_rod(fine[which == k].reshape(-1, 3)) for k in np.unique(which)]
+            found = np.array(rows)
+            if best is None or found[:, 6].max() < 0.9 * best[:, 6].max():
+                best = found
+    assert best is not None
+    return best
+
+
+def _rod(points: np.ndarray) -> np.ndarray:
+    """Return a capsule (7,) along x that holds points (n, 3)."""
+    y, z = 0.5 * (points[:, 1:].min(axis=0) + points[:, 1:].max(axis=0))
+    off = np.linalg.norm(points[:, 1:] - [y, z], axis=1)
+    r = max(_SLACK * float(off.max()), 1e-3)
+    half = np.sqrt(r * r - off * off)  # its ends are round: so far beyond the segment
+    a, b = (points[:, 0] + half).min(), (points[:, 0] - half).max()
+    if a > b:
+        a = b = 0.5 * (a + b)
+        r = float(np.linalg.norm(points - [a, y, z], axis=1).max())
+    return np.array([a, y, z, b, y, z, r + 1e-6])
+
+
+def _grasps_of(
+    thing: GraspObject, robot: Robot, urdf: str, tip: str, pads: Sequence[str]
+) -> tuple[GraspSet, Hand, np.ndarray]:
+    """Return the grasps by a robot's own gripper, the gripper, and (4, 4) T_tool_palm.
+
+    Which way its joints close is not in a URDF: the way that holds the object does.
+    """
+    front = _front_of(robot, pads)
+    T_tool_palm = pose_of((0.0, 0.0, front + GRIPPER_KEEPS - GRASPING.gap))
+    found, why = None, ""
+    for closes in (0, 1):
+        hand = make_hand(_spec_of(robot.name, urdf, tip, pads, T_tool_palm, closes))
+        if hand.reach <= 0.0:
+            continue
+        try:
+            grasps = build_grasps(thing, hand, GRASPING)
+        except BadInput as error:
+            why = str(error)
+            continue
+        if found is None or len(grasps.T_object_palm) > len(found[0].T_object_palm):
+            found = grasps, hand, T_tool_palm
+    if found is None:
+        raise BadInput(
+            f"{robot.name}'s gripper ({', '.join(pads)}) cannot hold {thing.name} of "
+            f"{_size_of(thing)}: {why or 'its pads do not reach beyond the hand'}; "
+            "give an object that fits between the pads"
+        )
+    return found
+
+
+def _size_of(thing: GraspObject) -> str:
+    points = np.concatenate(thing.triangles()).reshape(-1, 3)
+    return " x ".join(f"{100 * size:.0f}" for size in np.ptp(points, axis=0)) + " cm"
+
+
+def _front_of(robot: Robot, pads: Sequence[str]) -> float:
+    """Return how far before the tool the hand without its pads reaches [m]."""
+    q = 0.5 * (robot.lower + robot.upper)
+    own = gripper_links(robot) - set(pads)
+    links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
+    balls = cover_balls(robot, q)[robot.moving][[n in own for n in links]]
+    if not len(balls):
+        return 0.0
+    T = np.linalg.inv(tool_pose(robot, q))
+    return float((balls[:, :3] @ T[2, :3] + T[2, 3] + balls[:, 3]).max())
+
+
+def _spec_of(
+    name: str,
+    urdf: str,
+    tip: str,
+    pads: Sequence[str],
+    T_tool_palm: np.ndarray,
+    closes: int,
+) -> HandSpec:
+    """Return a gripper as its URDF has it; it closes to the lower (0) or upper end."""
+    description = read_description(robot_file(urdf))
+    root = _carrier_of(description, [*pads, tip])
+    ends, fingers = {}, []
+    for joint in _below(description, root):
+        if joint.kind in MOVABLE:
+            driver = description.joints[drive(description, joint)[0]]
+            ends[driver.name] = driver.lower, driver.upper
+    for pad in pads:
+        moved = [j for j in description.path(pad) if j.kind in MOVABLE]
+        drivers = [drive(description, j)[0] for j in moved]
+        finger = tuple(dict.fromkeys(d for d in drivers if d in ends))
+        if finger and finger not in fingers:
+            fingers.append(finger)
+    if not fingers or not np.isfinite(list(ends.values())).all():
+        raise BadInput(
+            f"{name}'s pads ({', '.join(pads)}) are moved by no joint with limits, "
+            "so the gripper cannot be closed on a mesh; name its fingers with --pads"
+        )
+    drives = {d for finger in fingers for d in finger}
+    closed = {d: ends[d][closes] for d in drives}
+    opened = {d: ends[d][1 - closes] for d in drives}
+    others = {d: 0.5 * sum(e) for d, e in ends.items() if d not in drives}
+    told = name, urdf, root, tip, tuple(fingers), closed, ({**others, **opened},)
+    return HandSpec(*told, T_tool_palm)
+
+
+def _carrier_of(description: Description, links: Sequence[str]) -> str:
+    """Return the last link that carries all of some links."""
+    ways = []
+    for link in links:
+        joints = description.path(link)
+        ways.append(
+            [joints[0].parent, *(j.child for j in joints)] if joints else [link]
+        )
+    common = [row[0] for row in zip(*ways, strict=False) if len(set(row)) == 1]
+    return common[-1]
+
+
+def _below(description: Description, root: str) -> list:
+    """Return the joints of all links below one."""
+    found = list(description.children(root))
+    for joint in found:
+        found += description.children(joint.child)
+    return found

@@ -1,0 +1,218 @@
+"""What is in the robot's hand is put down: in its place, in another one, or later."""
+
+from dataclasses import asdict, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import handover
+import odm as package
+import sim
+from odm.obstacles.shapes import Box
+from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
+from sim.story import cases, grasping
+from sim.story.cases import other_places, setup_of
+from sim.story.grasping import Reaches, quarter_turns
+from sim.story.handover import _checked_places
+from sim.story.machine import PUT_DOWN, TABLES, Machine
+from sim.story.play import new_story
+from sim.story.record import _held, object_of, story_of
+from sim.story.settings import AT_PLACE, HELD_AT_PLACE
+
+PERIOD = 0.01
+PADS = ("flange",)
+FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+QUICK = dict(place_s=1.0, again_s=0.3, put_down_s=20.0, blocked_s=0.3)
+
+
+@pytest.fixture(scope="module")
+def setup(meet_maps):
+    maps = package.load_map(meet_maps[0]), handover.load_reach_map(meet_maps[1])
+    return setup_of(*maps, pads=PADS)
+
+
+def story_at(setup, **settings):
+    """Return a story that is about to put down what it has in its hand."""
+    human = handover.Human().placed(3.0, 0.0, np.pi)
+    settings = sim.StorySettings(direction="receive", **{**QUICK, **settings})
+    story = new_story(setup, settings, human)
+    story.holding, story.fingers = True, "closed"
+    story.planner.attach(story._carried, story._T_tool_object)
+    story.machine = Machine(TABLES["receive"], PUT_DOWN)
+    story._enter()
+    return story, human
+
+
+def put_down(story, human, seconds, there):
+    """Play it; `there(now)`: (k, 7) what the person's capsules are. Return the place.
+
+    The place is (3,) where the fingers opened, None where they did not.
+    """
+    at, opened, since = None, False, 0.0
+    for k in range(int(seconds / PERIOD)):
+        now = PERIOD * k
+        rows = there(now)
+        labels = np.zeros(len(rows), int)
+        told = dict(opened=opened, holds=not opened, capsules=rows, labels=labels)
+        story.update(sim.StoryFrame(now, human, None, **told))
+        if story.fingers == "open" and at is None:
+            T = tool_pose(story.planner.robot, story.executor.set_point.q)
+            at, since = (T @ story._T_tool_object)[:3, 3], now
+        opened = at is not None and now > since + 0.15
+        if story.ended:
+            break
+    return at
+
+
+def rod_at(T, radius=0.05):
+    """Return a capsule (1, 7) that stands in a place."""
+    x, y = T[:2, 3]
+    return np.array([[x, y, 0.0, x, y, 0.5, radius]])
+
+
+AWAY = np.array([[3.0, 0.0, 0.0, 3.0, 0.0, 0.5, 0.1]])
+
+
+def test_an_object_is_put_into_its_own_place_where_that_is_free(setup):
+    story, human = story_at(setup)
+    at = put_down(story, human, 15.0, lambda now: AWAY)
+    assert [e.signal for e in story.events] == ["placed", "away"]
+    assert np.linalg.norm(at - setup.T_place[:3, 3]) < 0.005
+
+
+def test_where_somebody_stands_in_its_place_it_is_put_down_in_another_one(setup):
+    story, human = story_at(setup)
+    taken = rod_at(setup.T_place)
+    at = put_down(story, human, 18.0, lambda now: taken)
+    assert [e.signal for e in story.events] == ["placed_elsewhere", "away"]
+    assert "its place was not free" in story.events[0].reason
+    off = np.linalg.norm(setup.T_others[:, :3, 3] - at, axis=1)
+    assert off.min() < 0.005 and np.linalg.norm(at - taken[0, :3]) > cases._APART
+    assert not story.holding and story.planner.attached is None
+
+
+def test_where_all_places_are_taken_it_waits_and_tries_again(setup):
+    story, human = story_at(setup)
+    taken = np.concatenate([rod_at(T) for T in setup.places()])
+    at = put_down(story, human, 18.0, lambda now: AWAY if now > 5.0 else taken)
+    assert [e.signal for e in story.events] == ["placed", "away"]
+    assert story.events[0].time_s > 5.0
+    assert np.linalg.norm(at - setup.T_place[:3, 3]) < 0.005
+
+
+def test_who_never_moves_off_leaves_it_in_the_hand_and_that_is_told(setup):
+    story, human = story_at(setup, put_down_s=5.0)
+    taken = np.concatenate([rod_at(T) for T in setup.places()])
+    assert put_down(story, human, 8.0, lambda now: taken) is None
+    (event,) = story.events
+    assert (event.state, event.signal) == ("kept", "beset") and event.failure
+    assert "the person is in the way to each place" in story.reason
+    assert event.time_s == pytest.approx(5.0, abs=0.1) and story.holding
+
+
+def test_places_out_of_reach_are_told_at_once(setup):
+    far = replace(setup, T_place=FAR @ setup.T_place, T_others=FAR @ setup.T_others)
+    story, human = story_at(far)
+    assert put_down(story, human, 12.0, lambda now: AWAY) is None
+    assert [e.signal for e in story.events] == ["unreached"]
+    assert "within reach" in story.reason and story.events[0].time_s < 11.0
+
+
+def test_who_creeps_beside_the_person_goes_to_another_place(setup):
+    story, human = story_at(setup)
+    story.update(sim.StoryFrame(0.0, human, None, False, True))
+    while story._step.kind == "place":
+        story.update(sim.StoryFrame(story._now + PERIOD, human, None, False, True))
+    assert story._places.now == 0
+    for k in range(120):
+        story._hindered_s += PERIOD  # slowed in each frame
+        story.update(sim.StoryFrame(story._now + PERIOD, human, None, False, True))
+    assert story._places.now not in (0, None)
+
+
+def test_the_other_places_carry_the_object_and_nothing_else_is_there(setup):
+    assert len(setup.T_others) >= 2
+    xy = setup.places()[:, :2, 3]
+    gaps = np.linalg.norm(xy[:, None] - xy[None], axis=2) + np.eye(len(xy))
+    assert gaps.min() >= cases._APART
+    assert np.allclose(setup.T_others[:, 2, 3], setup.T_place[2, 3])
+    x, y = setup.T_others[0][:2, 3]
+    plate = Box((0.1, 0.1, 0.016), pose_of((x, y, 0.008), (0.0, 0.0, 0.0)))
+    with_plate = SimpleNamespace(**vars(setup))
+    with_plate.planner = lambda: planner
+    planner = setup.planner()
+    planner.scene.add("plate", plate)  # low, but the object would be put onto it
+    kept = other_places(with_plate)
+    off = np.linalg.norm(kept[:, :2, 3] - (x, y), axis=1)
+    assert off.min() > 0.05
+
+
+def test_a_place_that_another_surface_carries_is_none(setup, monkeypatch):
+    beyond = lambda scenery, rods, T: 5 if T[0, 3] < 0.0 else None  # noqa: E731
+    monkeypatch.setattr(cases, "carries", beyond)
+    kept = other_places(setup)
+    assert (setup.T_others[:, 0, 3] < 0.0).any() and (kept[:, 0, 3] >= 0.0).all()
+
+
+@pytest.mark.parametrize("settings", [AT_PLACE, replace(AT_PLACE, shares=(1.0,))])
+def test_a_shorter_way_back_is_taken_where_no_longer_one_leads(
+    setup, monkeypatch, settings
+):
+    back = grasping.straight_back
+    short = lambda planner, T, q, far, own: (  # noqa: E731
+        back(planner, T, q, far, own) if far < 0.08 else None
+    )
+    monkeypatch.setattr(grasping, "straight_back", short)
+    told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    reaches = Reaches(*told, settings=settings)
+    reaches.begin(setup.T_place, setup.rest)
+    while not reaches.over and not reaches.found:
+        reaches.work()
+    assert bool(reaches.found) == (len(settings.shares) > 1)
+
+
+def test_one_grasp_is_looked_for_from_as_many_nodes_as_four(setup):
+    story, _ = story_at(setup)
+    look = story._looks_at_place()
+    look.begin(setup.T_place, setup.rest)
+    four = Reaches(
+        setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    )
+    four.begin(setup.T_place, setup.rest)
+    assert len(look._starts) - 1 == len(four._starts) - 4  # q, once for each grasp
+    assert HELD_AT_PLACE.seeds == 4 * AT_PLACE.seeds
+
+
+def test_places_are_poses_its_own_first(setup):
+    human = handover.Human().placed(3.0, 0.0, np.pi)
+    story = new_story(setup, sim.StorySettings(direction="receive"), human)
+    assert np.allclose(story._T_place, setup.T_place)
+    assert np.allclose(story._T_others, setup.T_others)
+    with pytest.raises(BadInput, match=r"T_base_place has shape \(3,\); give one"):
+        _checked_places(np.zeros(3))
+
+
+def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(setup):
+    known = asdict(sim.StorySettings(direction="receive", fetch_s=12.0))
+    for name in ("place_s", "again_s", "put_down_s"):
+        del known[name]
+    human = handover.Human().placed(3.0, 0.0, np.pi)
+    story = story_of(setup, {"settings": known, "fetch": False}, human)
+    assert not len(story._T_others) and story._T_place is not None
+    assert story.settings.put_down_s == 12.0 < story.settings.place_s
+
+
+def test_a_recording_keeps_what_is_handed_over(setup):
+    thin = replace(setup.obj, turns=2, name="rod")
+    told = {"story": {"held": _held(thin)}}
+    back = object_of(told)
+    assert back.turns == 2 and back.name == "rod" and back.mass_kg == thin.mass_kg
+    assert np.array_equal(back.capsules, thin.capsules)
+    assert np.array_equal(back.T_tool_object, thin.T_tool_object)
+    assert object_of({"story": {}}) is None  # an older one: a wrench
+    turned = quarter_turns(thin.T_tool_object, 2)
+    assert len(turned) == 2
+    assert np.allclose(turned[1], quarter_turns(thin.T_tool_object)[2])
