@@ -4,6 +4,7 @@ Commands import what they need when they run, so that `odm --help` answers at on
 """
 
 import sys
+from functools import cache
 
 import typer
 
@@ -78,6 +79,12 @@ app.add_typer(grasps_command.app, name="grasps")
 app.add_typer(handover_command.app, name="handover")
 
 
+@cache
+def _door() -> "typer.core.TyperGroup":
+    """Return the tree of all commands, made once a process."""
+    return typer.main.get_command(app)
+
+
 def main() -> None:
     """Run the command line.
 
@@ -86,7 +93,7 @@ def main() -> None:
     sentence; 130: Ctrl-C, see `sim.terminal.interrupt`.
     """
     with interrupt.interruptible():
-        door = typer.main.get_command(app)
+        door = _door()
         words = with_targets(with_new_names(sys.argv[1:]), door)
         if told := nothing_given(words):
             print(told, file=sys.stderr)

@@ -10,6 +10,7 @@ from odm import sample_capsules
 from roadmap import load_robot
 from roadmap.kinematics.forward import sphere_centers
 from sim.cli import main as cli
+from sim.loop.warmup import exercise
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person
 from sim.people.human_motion import make_motion
@@ -86,11 +87,27 @@ class Statue:
         return np.array([[0.6, -0.1, 0.45, 0.6, 0.1, 0.45, 0.05]])
 
 
+class Once:
+    """The exercise, for the first planner of this process: it loads all loops."""
+
+    done = False
+
+    def __call__(self, cell_map):
+        if not self.done:
+            exercise(cell_map)
+        self.done = True
+
+
+exercise_once = Once()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def brief_rehearsals():
     """Rehearse for a moment: one process compiles once; commands do it in full."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sim.run.places.REHEARSAL_S", 0.2)
+        for caller in ("run.places", "loop.replay", "story.rehearsal"):
+            patch.setattr(f"sim.{caller}.exercise", exercise_once)
         yield
 
 

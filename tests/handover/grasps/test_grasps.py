@@ -241,7 +241,7 @@ def test_what_no_hand_can_hold_is_said(tmp_path):
     from handover import make_object
     from odm.obstacles.shapes import Mesh
 
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.4)
     thing = make_object("ball", [Mesh(ball.vertices, ball.faces)], [1.0])
     few = GraspSettings(samples=2, rolls=1)
     with pytest.raises(BadInput, match=r"no grasp of ball by the hand panda.*another"):

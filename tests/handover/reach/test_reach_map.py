@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import handover
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.reach import _reach_build as kernels
+from handover.reach import reach_build
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.reach_build import MAX_BYTES
 from handover.reach.reach_grid import reach_grid
@@ -54,9 +55,14 @@ def test_no_witness_of_a_robot_touches_itself(robot, robot_map):
         assert configuration_free(robot, robot_map.witness_of(int(cell)))[0]
 
 
-def test_self_collision_may_be_left_in(robot):
+@pytest.fixture(scope="module")
+def loose(robot):
+    """A map that was built without looking at self-collision."""
     settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
-    loose = build_reach_map(chain_of(robot, self_collisions=False), settings, threads=1)
+    return build_reach_map(chain_of(robot, self_collisions=False), settings, threads=1)
+
+
+def test_self_collision_may_be_left_in(robot, loose):
     touching = [
         configuration_free(robot, loose.witness_of(int(c)))[0]
         for c in loose.marked_cells()[::5]
@@ -102,8 +108,9 @@ def test_a_person_s_map_scales_with_the_arm(arm_map, rng):
     assert (arm_map.quality(tall) != arm_map.quality(poses)).any()
 
 
-def test_the_same_bytes_for_any_number_of_threads(arm, robot):
-    settings = ReachSettings(cell=0.2, rotations=72, samples=300_000, seed=9)
+def test_the_same_bytes_for_any_number_of_threads(arm, robot, monkeypatch):
+    monkeypatch.setattr(reach_build, "_CHUNK", 1 << 12)  # ten pieces, in two rounds
+    settings = ReachSettings(cell=0.2, rotations=72, samples=40_000, seed=9)
     for chain in (chain_of(robot), arm):
         one, three = (build_reach_map(chain, settings, threads=k) for k in (1, 3))
         for a, b in zip(one.packed, three.packed, strict=True):
@@ -192,7 +199,9 @@ def test_some_centres_are_out_of_reach_though_their_cells_are_not(arm_map):
     assert 0.05 < center_rate(arm_map, cells=200) < 1.0
 
 
-def test_the_precision_sees_witnesses_that_prove_nothing(arm_map, robot, robot_map):
+def test_the_precision_sees_witnesses_that_prove_nothing(
+    arm_map, robot, robot_map, loose
+):
     assert witness_precision(arm_map, cells=300) == 1.0
     assert witness_precision(robot_map, chain_of(robot), cells=300) == 1.0
     roots = np.array(arm_map.packed.roots)
@@ -200,9 +209,6 @@ def test_the_precision_sees_witnesses_that_prove_nothing(arm_map, robot, robot_m
     packed = arm_map.packed._replace(roots=roots)
     wrong = ReachMap(arm_map.chain, arm_map.grid, packed, 1.0)
     assert 0.2 < witness_precision(wrong, cells=300) < 0.8
-    # of a map that was built without looking at self-collision
-    settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
-    loose = build_reach_map(chain_of(robot, self_collisions=False), settings, threads=1)
     assert witness_precision(loose, cells=300) == 1.0
     assert witness_precision(loose, chain_of(robot), cells=300) < 1.0
 

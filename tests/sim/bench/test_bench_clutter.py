@@ -31,14 +31,15 @@ def map_dir(tmp_path_factory):
 
 def test_both_ends_keep_their_distance_and_the_same_seed_draws_the_same(map_dir):
     cell_map = planner.load_map(map_dir)
-    scenes, again = (make_scenes(cell_map, 5, 3) for _ in range(2))
+    scenes, again = make_scenes(cell_map, 5, 3), make_scenes(cell_map, 2, 3)
     exact, still = ExactRobot(cell_map.robot), np.zeros(cell_map.robot.dof)
     static = planner.ReactivePlanner(cell_map).static
     assert [s.kind for s in scenes] == list(KINDS)
-    for scene, same in zip(scenes, again, strict=True):
+    for scene, same in zip(scenes, again, strict=False):
         assert scene.q_start.tobytes() == same.q_start.tobytes()
         assert scene.q_goal.tobytes() == same.q_goal.tobytes()
         assert len(scene.boxes) == len(same.boxes)
+    for scene in scenes:
         assert np.linalg.norm(scene.q_start - scene.q_goal) >= APART
         for q in (scene.q_start, scene.q_goal):
             near = exact.distance(q, list(scene.boxes), cap=0.1)
@@ -60,7 +61,11 @@ def test_an_end_of_a_shelf_scene_has_its_tool_between_the_boards(map_dir):
         assert inside >= 1
 
 
-def test_the_short_bench_reports_every_figure_as_plain_data(odm, map_dir, tmp_path):
+def test_the_short_bench_reports_every_figure_as_plain_data(
+    odm, map_dir, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(clutter, "LIMIT_S", 0.05)  # how long OMPL takes is not tested
+    monkeypatch.setattr(clutter, "STEP", 0.016)  # more than 1000 looks again, still
     file = tmp_path / "clutter.json"
     code, out, _ = odm("bench", "clutter", "--map", map_dir, "--short", "--json", file)
     result = json.loads(file.read_text())

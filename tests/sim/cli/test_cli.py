@@ -12,6 +12,7 @@ from command_line import one_sentence
 from odm import build_map, load_map
 from sim.cli import bench_command
 from sim.cli import main as cli
+from sim.cli import suggest
 from sim.cli.bench_command import bench_names, fill_section
 from sim.cli.build_command import built_facts
 from sim.loop.warmup import tiny_recipe
@@ -121,12 +122,19 @@ def test_a_joint_can_be_locked_on_the_command_line(odm, tmp_path):
     assert load_map(tmp_path / "locked").robot.joint_names == ("a", "c")
 
 
-def test_suggest_agrees_with_a_real_build_and_builds_nothing(odm, tmp_path):
+def test_suggest_agrees_with_a_real_build_and_builds_nothing(
+    odm, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(suggest, "NODES", (2_000,))  # two of each with what is asked
+    monkeypatch.setattr(suggest, "CELLS", (0.05,))
     urdf = tiny_recipe(tmp_path).robot.source
     words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", 3000)
     code, text, _ = odm(*words, "--out", tmp_path / "map", "--suggest", "--json")
     assert code == 0 and not (tmp_path / "map").exists()
-    rows = [r for r in json.loads(text)["rows"] if (r["h"], r["nodes"]) == (0.04, 3000)]
+    rows = json.loads(text)["rows"]
+    sizes = [(0.04, 2000), (0.04, 3000), (0.05, 2000), (0.05, 3000)]
+    assert [(row["h"], row["nodes"]) for row in rows] == sizes
+    rows = [r for r in rows if (r["h"], r["nodes"]) == (0.04, 3000)]
     assert odm(*words, "--out", tmp_path / "map")[0] == 0
     made = built_facts(load_map(tmp_path / "map"), tmp_path / "map", 0.0)
     for mine, real in (

@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import fields
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,13 @@ def track(motion, step=STEP, end=None):
     return np.array([motion.capsules(t) for t in times])
 
 
+@cache
+def round_of(name):
+    """Return a motion, and its first round and a second more, a row each STEP."""
+    motion = make_motion(name, 5)
+    return motion, track(motion)
+
+
 def ends(capsules):
     return np.concatenate([capsules[:, :, :3], capsules[:, :, 3:6]], axis=1)
 
@@ -42,8 +50,8 @@ def test_every_motion_can_be_asked_of_a_run():
 
 @pytest.mark.parametrize("name", SCRIPTED)
 def test_no_point_of_the_surface_is_faster_than_stated(name):
-    motion = make_motion(name, 5)
-    places = ends(track(motion))
+    motion, capsules = round_of(name)
+    places = ends(capsules)
     speed = np.linalg.norm(np.diff(places, axis=0), axis=2) / STEP
     # the surface of a capsule advances no faster than the ends of its axis
     assert 0.6 * motion.max_speed <= speed.max() <= motion.max_speed
@@ -59,8 +67,8 @@ def test_a_speed_limit_of_the_person_is_respected(name):
 
 @pytest.mark.parametrize("name", SCRIPTED)
 def test_the_motion_is_smooth_also_where_the_round_begins_again(name):
-    motion = make_motion(name, 1)
-    places = ends(track(motion))
+    motion, capsules = round_of(name)
+    places = ends(capsules)
     velocity = np.diff(places, axis=0) / STEP
     jumps = np.linalg.norm(np.diff(velocity, axis=0), axis=2)
     assert jumps.max() <= 0.2 * motion.max_speed
@@ -99,7 +107,7 @@ def test_the_scripts_are_blind_to_the_robot():
 
 @pytest.mark.parametrize("name", SCRIPTED)
 def test_shoulder_and_lengths_stay(name):
-    capsules = track(make_motion(name, 0), 0.05)
+    capsules = round_of(name)[1]
     np.testing.assert_allclose(capsules[:, 0, :3] - capsules[0, 0, :3], 0, atol=1e-12)
     lengths = np.linalg.norm(capsules[:, :, 3:6] - capsules[:, :, :3], axis=2)
     np.testing.assert_allclose(lengths - lengths[0], 0, atol=1e-9)
@@ -115,7 +123,7 @@ def test_the_hand_stays_in_front_of_the_shoulder_wherever_that_is(place):
 
 def test_the_reaches_peak_near_one_metre_per_second_and_the_thrust_near_two():
     for name, peak in (("reach", 1.0), ("intrusion", 2.0)):
-        hand = track(make_motion(name, 0))[:, 1, 3:6]
+        hand = round_of(name)[1][:, 1, 3:6]
         speed = np.linalg.norm(np.diff(hand, axis=0), axis=1) / STEP
         assert 0.7 * peak < speed.max() <= peak
 
@@ -143,7 +151,7 @@ def test_the_trembling_hand_swings_two_centimetres_at_five_hertz():
 
 
 def test_the_hovering_hand_rests_for_seconds():
-    hand = track(make_motion("hover", 0), 0.01)[:, 1, 3:6]
+    hand = round_of("hover")[1][:, 1, 3:6]
     still = np.linalg.norm(np.diff(hand, axis=0), axis=1) < 1e-12
     assert still.mean() > 0.4
 

@@ -780,8 +780,8 @@ def test_an_object_that_no_motion_leads_to_is_given_up_after_some_tries(
     maps, monkeypatch
 ):
     monkeypatch.setattr(sim.PhasePlanner, "line_free", lambda *told: False)
-    story, states = receive(maps, held_at=0.0, seconds=30.0, tries=3, blocked_s=0.2)
-    assert states.count("close") == 3 and states[-1] == "done"
+    story, states = receive(maps, held_at=0.0, seconds=30.0, tries=2, blocked_s=0.2)
+    assert states.count("close") == 2 and states[-1] == "done"
     assert story.outcome == "no way to the object is free: it gives up"
     assert not story.holding
 
@@ -865,7 +865,7 @@ def test_an_object_that_does_not_fit_in_where_the_robot_stands_is_refused(maps):
     planner, targets, executor = story.planner, story.targets, story.executor
     planner.detach()
     told = planner, targets, executor, story.settings
-    rod = odm.Cylinder(0.02, 6.0, pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    rod = odm.Cylinder(0.02, 3.0, pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     with pytest.raises(BadInput, match="does not fit in .* would touch .* another"):
         sim.Handover(*told, thing=rod)
     assert planner.attached is None
