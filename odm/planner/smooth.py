@@ -10,6 +10,7 @@ keep their cells with them, so that later frames judge them as they judge an edg
 are not where the obstacles have lately been.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ _GAIN_NODES = 128  # corners of the roadmap that are measured
 _GAIN_DEVIATION, _GAIN_LENGTH = 0.004, 10.0  # [m] allowed there, and of endless legs
 
 
+@lru_cache(maxsize=2)  # a seventh of what it takes to make a planner
 def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
     """Return how much longer blends are than the sum over joints allows, as a rule.
 
