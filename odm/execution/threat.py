@@ -236,8 +236,8 @@ class Threat:
             seen = seen[:, self.rows]
         times = np.array([t for t, _ in self.past])
         most = np.zeros(seen.shape[1])
-        span = self.follow.spurt_s if s.noise else 0.0
-        write_sharpest(times, seen, span, s.noise, most)
+        span = float(self.follow.spurt_s) if s.noise else 0.0
+        write_sharpest(times, seen, span, float(s.noise), most)
         most = np.minimum(s.rise * most, s.max_plausible_acceleration)
         most = np.maximum(most, s.acceleration)
         error = self.error
@@ -261,7 +261,8 @@ class Threat:
         if not math.isfinite(age + begin + end):
             return room, math.inf
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
-        limits = (self.settings.noise, self._unknown, self.follow.most_growth)
+        given = (self.settings.noise, self._unknown, self.follow.most_growth)
+        limits = tuple(map(float, given))
         told = self._ability, limits, begin + age, end + age, room.capsules
         return room, 0.0 if write_between(*told) else math.inf
 

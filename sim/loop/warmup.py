@@ -390,6 +390,7 @@ def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
         threat = watcher.look(arm, now)
+    threat.as_lately()
     balls, all_of_them = np.array([[0.0, 0.0, 0.0, 0.1]]), np.zeros(1, np.int64)
     moves = balls, np.ones((1, 3)), 1.0, all_of_them
     allowed_share(*moves, arm, np.zeros((1, 6)), arm, np.full(7, 0.1))
