@@ -8,6 +8,7 @@ from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import Camera
 
 SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)
+LOAD = (0.85, 0.62, 0.16)
 FURNITURE = (0.85, 0.80, 0.74)
 LINKS = (0.90, 0.90, 0.91), (0.78, 0.80, 0.83)
 LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
@@ -35,8 +36,11 @@ class CoverWorld:
     def __exit__(self, *_: object) -> None:
         """Do nothing: nothing is open."""
 
-    def place(self, q: np.ndarray, capsules: np.ndarray) -> None:
-        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m]."""
+    def place(self, q: np.ndarray, capsules: np.ndarray, things: int = 0) -> None:
+        """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m].
+
+        The last `things` of them are an object, and are drawn as one.
+        """
         centers = sphere_centers(self._robot, q)
         radii = self._robot.spheres[:, 3:4]
         balls = [self._still, np.hstack([centers, radii, self._colours])]
@@ -44,6 +48,8 @@ class CoverWorld:
             length = np.linalg.norm(row[3:6] - row[:3])
             s = np.linspace(0.0, 1.0, 2 + int(length / BEAD))[:, None]
             colour = np.array(SLEEVE if index % 2 == 0 else SKIN)
+            if index >= len(capsules) - things:
+                colour = np.array(LOAD)
             beads = row[:3] + s * (row[3:6] - row[:3])
             rest = np.tile(np.r_[row[6], colour], (len(s), 1))
             balls.append(np.hstack([beads, rest]))

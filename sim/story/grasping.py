@@ -276,6 +276,7 @@ class Reaches:
         elif thing is not None:
             made = planner.carrier.test_with
             self._held = [made(thing, grasp) for grasp in self.T_tool_object]
+        self._on = on
         if on is not None:
             self._held = [test.beside(on) for test in self._held]
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
@@ -423,8 +424,12 @@ class Reaches:
         if not self._held:
             return True
         planner, test = self.planner, self._held[grasp]
-        test.share_place(planner.carrier.bare)
-        return test.motion_free(q, planner.frame.difference(q, before))
+        bare, dq = planner.carrier.bare, planner.frame.difference(q, before)
+        test.share_place(bare)
+        # the hand is of one body with what it holds, and that may touch a solid
+        if self._on is not None and not bare.motion_free(q, dq):
+            return False
+        return test.motion_free(q, dq)
 
 
 def _ik(

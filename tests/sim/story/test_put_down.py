@@ -9,6 +9,7 @@ import pytest
 import handover
 import odm as package
 import sim
+from odm.close_test.static import StaticTest
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
@@ -172,6 +173,28 @@ def test_a_shorter_way_back_is_taken_where_no_longer_one_leads(
     while not reaches.over and not reaches.found:
         reaches.work()
     assert bool(reaches.found) == (len(settings.shares) > 1)
+
+
+def test_the_hand_keeps_clear_of_what_the_object_is_put_onto(setup, monkeypatch):
+    story, _ = story_at(setup)
+    planner, grasps = setup.planner(), quarter_turns(setup.obj.T_tool_object)
+
+    def found():  # on solid 0
+        told = planner, setup.index, grasps, 0.1, story._carried, None, 0.0, 0
+        reaches = Reaches(*told, AT_PLACE)
+        reaches.begin(setup.T_others[0], setup.rest)
+        while not reaches.over and not reaches.found:
+            reaches.work()
+        return bool(reaches.found)
+
+    assert found()
+    bare, stands = planner.carrier.bare, StaticTest.motion_free
+
+    def blocked(test, q, dq):
+        return stands(test, q, dq) and not (test is bare and dq.any())
+
+    monkeypatch.setattr(StaticTest, "motion_free", blocked)
+    assert not found()
 
 
 def test_one_grasp_is_looked_for_from_as_many_nodes_as_four(setup):
