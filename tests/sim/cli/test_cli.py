@@ -10,9 +10,8 @@ import typer
 from command_line import one_sentence
 
 from odm import build_map, load_map
-from sim.cli import bench_command
+from sim.cli import bench_command, suggest
 from sim.cli import main as cli
-from sim.cli import suggest
 from sim.cli.bench_command import bench_names, fill_section
 from sim.cli.build_command import built_facts
 from sim.loop.warmup import tiny_recipe
