@@ -238,11 +238,18 @@ def _needed(name: str, option: str) -> str:
 
 
 def _standard_map(name: str) -> Path:
-    """Return the map that a bench is meant for, built unless it is there."""
+    """Return the map that a bench is meant for, built unless one of its name is there.
+
+    What is there may be the user's, of another size: it is measured, never replaced.
+    """
     from odm import load_recipe
     from sim.cli.build_command import built_map
+    from sim.run.folders import MAPS
 
-    return built_map(load_recipe(_RECIPES.get(name, "panda")))
+    recipe = _RECIPES.get(name, "panda")
+    if (MAPS / recipe / "manifest.json").is_file():
+        return MAPS / recipe
+    return built_map(load_recipe(recipe))
 
 
 def _check_options(name: str, run: object, given: dict) -> None:

@@ -222,9 +222,12 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
     ("name", "recipe"),
     [("story", "story"), ("latency", "panda"), ("attach", "panda_carry")],
 )
-def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(monkeypatch, name, recipe):
+def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(
+    monkeypatch, tmp_path, name, recipe
+):
     import sim.cli.build_command as build
 
+    monkeypatch.chdir(tmp_path)
     folder = Path("maps") / recipe
     monkeypatch.setattr(build, "built_map", lambda made: folder.parent / made.name)
     module = importlib.import_module(bench_command._modules()[name])
@@ -239,7 +242,11 @@ def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(monkeypatch, name, 
     monkeypatch.setattr(module, "run", run)
     assert bench_command.run_bench(name, {}, json="-") == 0
     assert bench_command.run_bench(name, {"map_dir": Path("mine")}, json="-") == 0
-    assert asked == [folder, Path("mine")]
+    there = Path("maps/built") / recipe  # the user's own, never replaced
+    there.mkdir(parents=True)
+    (there / "manifest.json").write_text("{}")
+    assert bench_command.run_bench(name, {}, json="-") == 0
+    assert asked == [folder, Path("mine"), there]
 
 
 def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
