@@ -69,9 +69,14 @@ class Ending:
     text: str
 
     @property
+    def clean(self) -> bool:
+        """Return whether it ended by itself, told so, and left nothing."""
+        return self.code == EXIT_CODE and not self.left
+
+    @property
     def good(self) -> bool:
-        """Return whether it ended as it should."""
-        return self.code == EXIT_CODE and self.seconds <= LIMIT_S and not self.left
+        """Return whether it ended as it should, and in time."""
+        return self.clean and self.seconds <= LIMIT_S
 
 
 def run(

@@ -319,10 +319,13 @@ def played(small_map, name, pushed, seconds=4.0, execution="timed", on_frame=Non
 
 @pytest.mark.parametrize("name", [n for n in motion_names() if n not in SCENES])
 def test_pushed_beside_every_motion_it_touches_nobody_while_it_moves(small_map, name):
-    result = played(small_map, name, PushSettings(pause=0.8), 6.0)
+    frames = []
+    pushed = PushSettings(pause=0.8)
+    result = played(small_map, name, pushed, 6.0, on_frame=frames.append)
     assert result.contacts == 0
     assert sum(result.pushed[kind] for kind in KINDS) >= 2
     assert result.pushed["farthest_m"] > 0.002
+    assert any("off its path; stopped" in frame.brake for frame in frames)
 
 
 def test_a_pushed_robot_makes_its_trips_and_the_same_seed_the_same_run(small_map):
