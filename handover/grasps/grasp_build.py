@@ -249,9 +249,11 @@ def _facing(normal: np.ndarray, roll: float) -> np.ndarray:
 def _packed(work: _Work, found: list[list[_Grasp]], built: dict) -> GraspSet:
     grasps = [g for some in found for g in some]
     if not grasps:
+        why = [f"{built['tried']} tried"]
+        why += [f"{name}: {count}" for name, count in built["refused"].items()]
         raise BadInput(
             f"no grasp of {work.thing.name} by the hand {work.hand.spec.name} holds "
-            f"({built['tried']} tried; {built['refused']}); take another hand, more "
+            f"({'; '.join(why)}); take another hand, more "
             "samples or more friction"
         )
     contacts = [g.contacts for g in grasps]

@@ -141,6 +141,7 @@ def _grasps_of(
 
     Which way its joints close is not in a URDF: the way that holds the object does.
     """
+    _check_axis(robot, tip, pads)
     front = _front_of(robot, pads)
     T_tool_palm = pose_of((0.0, 0.0, front + GRIPPER_KEEPS - GRASPING.gap))
     found, why = None, ""
@@ -167,6 +168,29 @@ def _grasps_of(
 def _size_of(thing: GraspObject) -> str:
     points = np.concatenate(thing.triangles()).reshape(-1, 3)
     return " x ".join(f"{100 * size:.0f}" for size in np.ptp(points, axis=0)) + " cm"
+
+
+def _check_axis(robot: Robot, tip: str, pads: Sequence[str]) -> None:
+    """Refuse a tool frame whose z does not point out of the hand, to the pads."""
+    q = 0.5 * (robot.lower + robot.upper)
+    links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
+    others = gripper_links(robot) - set(pads)
+    middles = cover_balls(robot, q)[robot.moving][:, :3]
+    ends = [middles[[n in names for n in links]] for names in (others, pads)]
+    if not all(map(len, ends)):
+        return
+    hand, fingers = (points.mean(axis=0) for points in ends)
+    out = tool_pose(robot, q)[:3, :3].T @ (fingers - hand)
+    if out[2] >= 0.5 * np.linalg.norm(out):
+        return
+    k = int(np.abs(out).argmax())
+    axis = ("-" if out[k] < 0.0 else "") + "xyz"[k]
+    raise BadInput(
+        f"{robot.name}'s pads ({', '.join(pads)}) lie along the {axis} axis of its "
+        f"tool {tip}, but a hand reaches out along z; build the map with another "
+        "--tip, whose z points out of the hand (a fixed link of that kind can be added "
+        "to the URDF)"
+    )
 
 
 def _front_of(robot: Robot, pads: Sequence[str]) -> float:

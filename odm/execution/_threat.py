@@ -30,6 +30,7 @@ class Ability(NamedTuple):
     error: np.ndarray  # (k,) bound on the error of that velocity [m/s]
     most: np.ndarray  # (k,) largest acceleration [m/s2]
     widening: np.ndarray  # (k,) how fast the radius grows [m/s]
+    untouched: np.ndarray  # (k,) for how long nothing accelerates it [s]
 
 
 @njit(**INNER)
@@ -102,7 +103,8 @@ def growth(parts, k, limits, t):
     """Return how far part k can be from where its velocity leads after t [m]."""
     if not parts.known[k]:
         return limits[0] + limits[1] * t
-    near = limits[0] + parts.error[k] * t + 0.5 * parts.most[k] * t * t
+    pushed = max(0.0, t - parts.untouched[k])
+    near = limits[0] + parts.error[k] * t + 0.5 * parts.most[k] * pushed * pushed
     return near + parts.widening[k] * t
 
 

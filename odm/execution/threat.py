@@ -33,6 +33,11 @@ the largest plausible speed: w t is added to R(t). So a part that is within r of
 it is shown, and no faster than w, is held at all times. One that shrinks, as a part
 that is seen again does, is taken to keep its size.
 
+Left alone. An object that stands where nobody can reach it within a time T has not been
+accelerated for as long as that was so, and is not within T. Its velocity was the same
+over the window, so that 2 e / W is all that can be wrong with it, and from now on it is
+within e + 2 e / W t + a max(0, t - T)^2 / 2 of where that leads.
+
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
 expected there; see `odm.execution._threat.follow`. Its velocity counts from the third
@@ -176,6 +181,7 @@ class Threat:
         most: (k,) largest acceleration of each part [m/s2]; None: the settings'.
         window: (k,) time over which each velocity is a mean [s], where that is known.
         widening: (k,) how fast each radius grows [m/s]; None: none does.
+        untouched: (k,) for how long nothing accelerates each part [s]; None: none.
         follow: How they were followed.
     """
 
@@ -191,12 +197,14 @@ class Threat:
     most: np.ndarray | None = None
     window: np.ndarray | None = None
     widening: np.ndarray | None = None
+    untouched: np.ndarray | None = None
     follow: FollowSettings = _FOLLOW
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the same of some of the parts alone."""
-        how = (self.drift, self.rows_of_past, self.most, self.window, self.widening)
-        drift, rows, most, window, widening = (
+        how = (self.drift, self.rows_of_past, self.most, self.window)
+        how += (self.widening, self.untouched)
+        drift, rows, most, window, widening, untouched = (
             x if x is None else x[these] for x in how
         )
         return Threat(
@@ -212,8 +220,25 @@ class Threat:
             most,
             window,
             widening,
+            untouched,
             self.follow,
         )
+
+    def left_alone(self, these: slice, time: float) -> "Threat":
+        """Return the same where nothing accelerates some of the parts; see the module.
+
+        Args:
+            these: Which: parts of an object that stands.
+            time: Nobody can reach them for so long from now on [s], nor could they for
+                as long as their velocities are means over.
+        """
+        if self.window is None:
+            return self
+        known = np.zeros(len(self.capsules), bool)
+        known[these] = self.known[these]
+        untouched, error = np.where(known, max(time, 0.0), 0.0), np.array(self.error)
+        error[known] = 2.0 * self.settings.noise / self.window[known]
+        return replace(self, untouched=untouched, error=error)
 
     @property
     def rows_of_past(self) -> np.ndarray:
@@ -242,7 +267,10 @@ class Threat:
         most = np.maximum(most, s.acceleration)
         error = self.error
         if self.window is not None:  # more of it in the mean velocity, too
-            error = error + 0.5 * (most - s.acceleration) * self.window
+            more = 0.5 * (most - s.acceleration) * self.window
+            if self.untouched is not None:
+                more = np.where(self.untouched > 0.0, 0.0, more)
+            error = error + more
         return replace(self, most=most, error=error)
 
     @cached_property
@@ -268,10 +296,9 @@ class Threat:
 
     def strays(self, time: float) -> float:
         """Return how far a part may be from where its velocity leads it by then [m]."""
-        age = age_of(self.age)
-        if not age + time < math.inf:
-            return math.inf
-        return float(self._growth(max(time, 0.0) + age).max(initial=0.0))
+        there, more = self.between(time, time)
+        grown = there.capsules[:, 6] - self.capsules[:, 6]
+        return math.inf if more else float(grown.max(initial=0.0))
 
     @property
     def is_dated(self) -> bool:
@@ -308,16 +335,6 @@ class Threat:
     def _unknown(self) -> float:
         return max(self.settings.speed, self.unknown)
 
-    def _growth(self, t: float) -> np.ndarray:
-        """Return (k,) how far each can be from where its velocity leads after t [m]."""
-        s, known = self.settings, self.known
-        error = np.where(known, self.error, 0.0)
-        most = s.acceleration if self.most is None else self.most
-        near = s.noise + error * t + 0.5 * most * t * t
-        if self.widening is not None:
-            near = near + self.widening * t
-        return np.where(known, near, s.noise + self._unknown * t)
-
     @cached_property
     def _rates(self) -> np.ndarray:
         """(k, 6) velocities of the ends, 0 where they are not known [m/s]."""
@@ -333,13 +350,14 @@ class Threat:
 
     @cached_property
     def _ability(self) -> Ability:
-        n, most, widening = len(self.capsules), self.most, self.widening
+        n, most = len(self.capsules), self.most
         if most is None:
             most = np.full(n, self.settings.acceleration, float)
-        if widening is None:
-            widening = np.zeros(n)
+        others = (self.widening, self.untouched)
+        none = np.zeros(n)
         parts = (self.capsules, self._rates, self._speeds, self.known)
-        parts += (np.where(self.known, self.error, 0.0), most, widening)
+        parts += (np.where(self.known, self.error, 0.0), most)
+        parts += tuple(none if row is None else row for row in others)
         return Ability(*map(np.ascontiguousarray, parts))
 
     @cached_property

@@ -204,6 +204,8 @@ class Handover:
         self._allowance = Allowance()
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
+        # (3,) where the object stands for itself; None: nowhere that is known
+        self._stands_at = self._T_place[:3, 3] if self.fetches else None
         self._placeless = False  # there is no place to put the object down
         self._why_kept = ""  # what kept it from the last place it tried
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
@@ -375,6 +377,9 @@ class Handover:
         there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
         everything = there.capsules
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
+        speed = self._speed_of_object(frame)
+        if loose:
+            threat = self._as_it_stands(frame, threat, obj, speed, dt)
         whole = threat, arm, rows, labels, hand
         self.view.classes, people = classes, len(rows)
         self.view.person = everything[: len(rows)]
@@ -391,13 +396,45 @@ class Handover:
             people -= len(arm)
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
-        speed = self._speed_of_object(frame)
         hurries = self.conduct.hurries * self.settings.still_speed
         self.view.hurries = speed > hurries
         who = threat, people, near
         seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
         self._tell(seen, self.conduct.late_s)
         return seen
+
+    def _as_it_stands(
+        self,
+        frame: StoryFrame,
+        threat: Threat,
+        obj: np.ndarray,
+        speed: float,
+        dt: float,
+    ) -> Threat:
+        """Return the threat of all shapes, the object's (k, 7) last.
+
+        An object that stands in its place, or where it was put down, is not expected to
+        start off before somebody can have reached it: beside it the robot need not
+        creep, least of all one that is slow to stop (decision 0099).
+        """
+        at, T, s = self._stands_at, frame.T_base_object, self.settings
+        still = at is not None and _length(T[:3, 3] - at) < s.between
+        still = still and speed < s.still_speed
+        time, these = 0.0, slice(len(threat.error) - len(obj), None)
+        if still:
+            time = self._unreached_for(threat.of(slice(these.start)), obj)
+        window = 0.0 if threat.window is None else float(threat.window[these].max())
+        alone = self._lasts("alone", time >= dt and still, dt, window)
+        return threat.left_alone(these, time) if alone else threat
+
+    def _unreached_for(self, person: Threat, obj: np.ndarray) -> float:
+        """Return how long nobody can get to an object (k, 7) from now on [s]."""
+        balls = _covering_balls(obj)
+        for time in self.conduct.untouched:
+            rows, more = person.as_lately().between(0.0, time)
+            if not more and (ball_gaps(balls, rows.capsules) > 0.0).all():
+                return time
+        return 0.0
 
     def _has_left(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
@@ -499,6 +536,7 @@ class Handover:
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
+            "unfelt": passed > limit and not self._pull.felt,
             "late": passed > limit,
             "late_holding": passed > limit and self.holding,
             "beset": passed > limit and self.holding and self._is_beset(passed),
@@ -611,7 +649,7 @@ class Handover:
         kind, executor = self._step.kind, self.executor
         if not executor.at_rest:
             return False
-        if kind == "goal" and executor.state == BRAKED:
+        if kind in ("goal", "close") and executor.state == BRAKED:
             return True  # the path is free, but passes too near to somebody to be gone
         held = getattr(self.answer, "status", "") == "holding"
         return kind in ("goal", "line", "up", "back", "close") and held
@@ -972,6 +1010,9 @@ class Handover:
             self._next()
 
     def _let_go(self) -> None:
+        if self.state == table.PUT_DOWN:
+            T = tool_pose(self.planner.robot, self.executor.set_point.q)
+            self._stands_at = (T @ self._T_tool_object)[:3, 3]
         self.planner.detach()
         self.holding = False
         if self.view.phase is not None:
@@ -992,7 +1033,7 @@ class Handover:
         elif self.state == table.CLOSE:
             self._T_tool_object = self._put
         self.planner.attach(self._carried, self._T_tool_object)
-        self.holding = True
+        self.holding, self._stands_at = True, None
         if self.state != table.CLOSE:
             self._pull.forget()
         self.view.phase = "give" if self.state == table.CLOSE else None
@@ -1226,6 +1267,14 @@ def _turned(one: np.ndarray, other: np.ndarray) -> float:
 def _length(v: np.ndarray) -> float:
     """Return the length of a vector (3,), to the last bit that of np.linalg.norm."""
     return math.sqrt(v @ v)
+
+
+def _covering_balls(rods: np.ndarray, n: int = 8) -> np.ndarray:
+    """Return n balls for each of some capsules (k, 7) that hold it, as (k * n, 4)."""
+    balls = beads(rods, n)
+    half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
+    balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))
+    return balls
 
 
 def _most(values: np.ndarray) -> float:

@@ -56,6 +56,7 @@ class PullDetector:
     Attributes:
         force: Of the last frame, beyond the force at rest, averaged [N].
         lasted: For how long it has been above the threshold [s].
+        felt: Whether a force was measured since `restart`.
     """
 
     def __init__(self, settings: PullSettings | None = None) -> None:
@@ -63,7 +64,7 @@ class PullDetector:
         self.settings = settings or PullSettings()
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._rest: np.ndarray | None = None
-        self.force, self.lasted = 0.0, 0.0
+        self.force, self.lasted, self.felt = 0.0, 0.0, False
 
     @property
     def pulls(self) -> bool:
@@ -82,7 +83,7 @@ class PullDetector:
 
     def restart(self) -> None:
         """Ask for a new pull, as long as the first; the force at rest stays."""
-        self.lasted = 0.0
+        self.lasted, self.felt = 0.0, False
 
     def feel(
         self, wrench: np.ndarray, dt: float, moving: bool = False, more: float = 0.0
@@ -103,7 +104,7 @@ class PullDetector:
         if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
             self.force, self.lasted = 0.0, 0.0
             return
-        s = self.settings
+        s, self.felt = self.settings, True
         self._recent.append((dt, wrench[:3].copy()))
         kept = sum(passed for passed, _ in self._recent)
         while len(self._recent) > 1 and kept - self._recent[0][0] >= s.window_s - 1e-9:

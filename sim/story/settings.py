@@ -69,6 +69,8 @@ class ConductSettings:
         stands: A robot slower than this in all joints stands [rad/s or m/s].
         gone_s: A hand that is away for so long has gone [s].
         expected: New paths keep clear of where the person will be at these times [s].
+        untouched: An object that stands is not expected to start off within the first
+            of these times in which nobody can get to it [s].
         hurries: What goes so many times as fast as what is held still is not put
             between the pads.
         goes_on_s: Its way in this time says how fast an object goes [s]: more, and a
@@ -89,6 +91,7 @@ class ConductSettings:
     stands: float = 1e-3
     gone_s: float = 0.5
     expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
+    untouched: tuple[float, ...] = (0.8, 0.5, 0.3, 0.2, 0.1)
     hurries: float = 2.0
     goes_on_s: float = 0.12
     leap_s: float = 1.0
@@ -109,7 +112,8 @@ class ConductSettings:
         ranges["moved_off"] = (0.001, 2.0, "m")
         ranges |= {"stands": (1e-9, 1.0, "rad/s or m/s"), "hurries": (0.1, 100.0, "")}
         check_settings(self, ranges, counts)
-        check_row(self, "expected", 0.0, 10.0, "s")
+        for name in ("expected", "untouched"):
+            check_row(self, name, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)

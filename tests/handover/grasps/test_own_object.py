@@ -74,3 +74,26 @@ def test_an_open_mesh_is_refused(robot, bottle):
     mesh.export(bottle)
     with pytest.raises(BadInput, match="is not closed"):
         held(robot, bottle)
+
+
+JAWS = """<robot name="jaws">
+{links}
+<joint name="turns" type="revolute"><parent link="base"/><child link="hand"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+<joint name="slides" type="prismatic"><parent link="hand"/><child link="jaw"/>
+<origin xyz="{at}"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" velocity="1" effort="1"/></joint></robot>"""
+BOX = """<link name="{}"><collision><geometry><box size="0.04 0.04 0.04"/></geometry>
+</collision></link>"""
+
+
+@pytest.mark.parametrize(
+    ("at", "axis"), [("0.1 0 0", "x"), ("0 -0.1 0", "-y"), ("0 0 -0.1", "-z")]
+)
+def test_a_tool_whose_z_does_not_point_to_its_pads_is_refused(tmp_path, at, axis):
+    file = tmp_path / "jaws.urdf"
+    links = "".join(BOX.format(name) for name in ("base", "hand", "jaw"))
+    file.write_text(JAWS.format(links=links, at=at), encoding="utf-8")
+    robot = load_robot(file, tip="hand")
+    with pytest.raises(BadInput, match=rf"lie along the {axis} axis of its tool hand"):
+        held_mesh("cup", robot, str(file), "hand", ("jaw",))

@@ -428,3 +428,51 @@ def test_some_of_the_parts_grow_as_they_did_among_all():
     for these in ([1], slice(1, 2)):
         (alone,) = threat.of(these).between(0.1, 0.1)[0].capsules
         assert alone == pytest.approx(threat.between(0.1, 0.1)[0].capsules[1])
+
+
+def rod(x, z=0.4):
+    return [x, 0.0, z, x, 0.0, z + 0.2, 0.02]
+
+
+def stood(noise, frames=40, settings=ThreatSettings):
+    """Return the threat of a person who comes and of an object that stands."""
+    watcher = Watcher(settings(noise=noise))
+    for k in range(frames):
+        threat = watcher.look(np.array([rod(2.0 - 0.01 * k), rod(0.5)]), 0.01 * k)
+    return threat
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_what_is_left_alone_holds_who_starts_to_push_it_only_then(noise, rng):
+    before = stood(noise)
+    alone, now, least = before.left_alone(slice(1, None), 0.3), 0.8, 0.0
+    assert growth(alone, 0.0, 0.3)[1] == pytest.approx(
+        noise + (2.0 * noise / alone.window[1]) * 0.3
+    )
+    assert growth(alone, 0.0, now)[1] < growth(before, 0.0, now)[1]
+    assert growth(alone, 0.0, now)[0] == growth(before, 0.0, now)[0]
+    for _ in range(200):  # pushed from 0.3 s on, as hard as anybody can
+        push = rng.normal(size=3)
+        push *= 4.0 / np.linalg.norm(push)
+        end = rng.uniform(0.0, now)
+        shift = 0.5 * push * max(0.0, end - 0.3) ** 2
+        row = alone.capsules[1]
+        points = np.array([row[:3], row[3:6]]) + shift
+        there, more = alone.between(0.0, end)
+        least = max(least, beyond(there.capsules[1:], points) + row[6])
+    assert more == 0.0 and least <= 1e-9
+
+
+def test_of_what_is_left_alone_no_lately_makes_it_faster_and_parts_stay_theirs():
+    alone = stood(0.0).left_alone(slice(1, None), 0.3)
+    lately = replace(alone, settings=replace(alone.settings, rise=50.0)).as_lately()
+    assert growth(lately, 0.0, 0.3)[1] == 0.0 < growth(lately, 0.0, 0.3)[0]
+    assert growth(alone.of(slice(1, None)), 0.0, 0.3)[0] == 0.0
+    assert alone.of(slice(0, 1)).strays(0.3) == growth(alone, 0.3, 0.3)[0]
+
+
+def test_what_was_just_seen_is_not_known_to_stand_and_nothing_makes_it_so():
+    watcher = Watcher()
+    threat = watcher.look(np.array([rod(2.0), rod(0.5)]), 0.0)
+    alone = threat.left_alone(slice(1, None), 0.3)
+    assert growth(alone, 0.0, 0.3)[1] == growth(threat, 0.0, 0.3)[1] > 0.5

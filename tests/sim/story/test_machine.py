@@ -103,6 +103,7 @@ FAILURES = [  # what goes wrong, and the way back
     ("give", m.PRESENT, ["left", "arrived"], [m.APPROACH, m.PRESENT]),
     ("give", m.APPROACH, ["pulled", "pulled", "open"], [m.WAIT, m.RELEASE, m.RETREAT]),
     ("give", m.WAIT, ["late", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
+    ("give", m.WAIT, ["unfelt", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
     ("give", m.RELEASE, ["slack", "pulled"], [m.WAIT, m.RELEASE]),
     ("give", m.PUT_DOWN, ["late_holding"], [m.KEPT]),
     ("give", m.PUT_DOWN, ["beset"], [m.KEPT]),

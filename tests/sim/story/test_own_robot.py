@@ -1020,3 +1020,20 @@ def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
         event = next(e for e in story.events if e.failure)
         assert event.signal == ("under_way" if moves else "late")
         assert ("its way took longer" in event.reason) == moves
+
+
+@pytest.mark.parametrize("wrench", [None, np.full(6, np.nan), np.zeros(6)])
+def test_without_a_force_at_the_wrist_it_is_told_that_no_pull_could_be_felt(
+    maps, wrench
+):
+    story, human = story_of(maps, wait_s=0.3)
+    story.machine = Machine(TABLES["give"], "wait")
+    story._enter()
+    for k in range(40):
+        told = dict(opened=False, holds=True, wrench=wrench)
+        story.update(sim.StoryFrame(PERIOD * k, human, **told))
+    measured = wrench is not None and np.isfinite(wrench).all()
+    first = story.events[0]
+    assert first.state == PUT_DOWN and first.failure
+    assert first.signal == ("late" if measured else "unfelt")
+    assert ("no force at the wrist" in first.reason) == (not measured)

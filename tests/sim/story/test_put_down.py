@@ -17,7 +17,7 @@ from roadmap.transforms import pose_of
 from sim.story import cases, grasping
 from sim.story.cases import other_places, setup_of
 from sim.story.grasping import Reaches, quarter_turns
-from sim.story.handover import _checked_places
+from sim.story.handover import _checked_places, _covering_balls
 from sim.story.machine import PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
 from sim.story.record import _held, object_of, story_of
@@ -72,6 +72,84 @@ def rod_at(T, radius=0.05):
     """Return a capsule (1, 7) that stands in a place."""
     x, y = T[:2, 3]
     return np.array([[x, y, 0.0, x, y, 0.5, radius]])
+
+
+def beside_what_it_put_down(setup, **conduct):
+    """Return a story that has let go of the object in its place, and its person."""
+    human = handover.Human().placed(3.0, 0.0, np.pi)
+    settings = sim.StorySettings(direction="receive", **QUICK)
+    story = new_story(setup, settings, human)
+    story.conduct = replace(story.conduct, **conduct)
+    story.planner.attach(story._carried, story._T_tool_object)
+    story.machine = Machine(TABLES["receive"], PUT_DOWN)
+    story._let_go()
+    return story, human
+
+
+def threats_of_object(story, human, T, capsules, frames=8, at=0.0):
+    """Return what is told of the object alone, in each of some frames."""
+    told, labels = [], np.zeros(len(capsules(0.0)), int)
+    for k in range(frames):
+        now = at + PERIOD * k
+        frame = sim.StoryFrame(
+            now, human, T_base_object=T(now), capsules=capsules(now), labels=labels
+        )
+        seen = story._look(frame)
+        told.append(seen.threat.of(slice(seen.people, None)))
+    return told
+
+
+def grows(threat, time=0.3):
+    return threat.between(0.0, time)[0].capsules[:, 6].max() - threat.capsules[0, 6]
+
+
+def at_hand(story):
+    q = story.executor.set_point.q
+    return tool_pose(story.planner.robot, q) @ story._T_tool_object
+
+
+def test_what_was_put_down_does_not_start_off_where_nobody_can_get_to_it(setup):
+    story, human = beside_what_it_put_down(setup)
+    T = at_hand(story)
+    told = threats_of_object(story, human, lambda now: T, lambda now: AWAY)
+    assert grows(told[0]) > 0.1 and told[-1].known.all()
+    assert grows(told[-1]) < 0.01  # by the noise alone
+    assert grows(told[-1], 1.2) > 0.1  # by then somebody may have come
+    near = T[:3, 3] + [0.25, 0.0, 0.0]
+    near = np.array([[*near, *near, 0.05]])
+    (now,) = threats_of_object(story, human, lambda now: T, lambda now: near, 1, 1.0)
+    assert grows(now) > 0.1  # at once
+
+
+@pytest.mark.parametrize("why", ["moves", "elsewhere", "taken", "not asked for"])
+def test_anything_else_may_start_off_at_once(setup, why):
+    times = {"untouched": (1e-6,)} if why == "not asked for" else {}
+    story, human = beside_what_it_put_down(setup, **times)
+    T = at_hand(story)
+    if why == "taken":
+        story._take()
+        story.planner.detach()
+        story.holding = False
+
+    def seen(now):
+        x = 0.3 * now if why == "moves" else 0.05 if why == "elsewhere" else 0.0
+        return pose_of((x, 0.0, 0.0), (0.0, 0.0, 0.0)) @ T
+
+    told = threats_of_object(story, human, seen, lambda now: AWAY)
+    assert all(grows(threat) > 0.1 for threat in told)
+
+
+def test_the_balls_that_stand_for_an_object_hold_it(rng):
+    rods = rng.uniform(-0.3, 0.3, (5, 7))
+    rods[:, 6] = rng.uniform(0.005, 0.05, 5)
+    balls = _covering_balls(rods)
+    for k, row in enumerate(rods):
+        along = row[:3] + rng.uniform(0, 1, (400, 1)) * (row[3:6] - row[:3])
+        away = rng.normal(size=(400, 3))
+        points = along + row[6] * away / np.linalg.norm(away, axis=1)[:, None]
+        mine = balls[k :: len(rods)]
+        off = np.linalg.norm(points[:, None] - mine[None, :, :3], axis=2) - mine[:, 3]
+        assert off.min(axis=1).max() <= 1e-9
 
 
 AWAY = np.array([[3.0, 0.0, 0.0, 3.0, 0.0, 0.5, 0.1]])
