@@ -33,6 +33,7 @@ from odm.execution.threat import ThreatSettings
 from odm.planner.settings import (
     AttachSettings,
     ConnectSettings,
+    ImproveSettings,
     PoseSettings,
     RetreatSettings,
     SmoothingSettings,
@@ -59,6 +60,7 @@ SETTINGS = [
     odm.PlannerSettings,
     AttachSettings,
     ConnectSettings,
+    ImproveSettings,
     SmoothingSettings,
     RetreatSettings,
     PoseSettings,

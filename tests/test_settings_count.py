@@ -24,6 +24,10 @@ from odm.execution.settings import (
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from odm.execution.tracking import TrackingMonitor
+from odm.planner.improve import Improver
+from odm.planner.settings import ImproveSettings
+from odm.planner.shortcuts import Cutter
+from odm.planner.smooth import corner_gain
 from roadmap.motion.motion import time_path
 from sim.story.comfort import shunned
 from sim.story.play import Fingers
@@ -150,3 +154,43 @@ def test_rods_that_are_shunned_lie_where_they_are_told_to():
         head = human.capsules()[human.labels == handover.Part.HEAD, :6]
         face = head.reshape(-1, 3).mean(axis=0)
         assert np.linalg.norm(rod[:2] - face[:2]) == pytest.approx(behind)
+
+
+@pytest.mark.parametrize(("every", "takes"), [(8, 3), (2, 1), (5, 4)])
+def test_a_better_path_is_looked_for_as_often_as_asked(every, takes, small_map):
+    planner = odm.ReactivePlanner(small_map)
+    looked, left = [], []
+    smoother = SimpleNamespace(
+        reset=lambda: None,
+        go_straight=lambda ahead: -1,
+        run=lambda budget, ahead: left.append(budget) or 0,
+    )
+    cutter = SimpleNamespace(run=lambda budget: (0, 0))
+    frame = SimpleNamespace(number=0, memory=planner.memory)
+    candidate = SimpleNamespace(begin=lambda: None, end=lambda: None)
+    settings = ImproveSettings(look_every=every, join_takes=takes)
+    told = frame, None, candidate, cutter, smoother, lambda: True, settings
+    improver = Improver(*told)
+    improver._look = lambda ahead: looked.append(frame.number) or 0
+    for number in range(20):
+        frame.number = number
+        improver.run(20, None)
+    assert looked == list(range(0, 20, every))
+    rest = 20 - 1 - takes  # half of it for cuts
+    assert left[:2] == [rest - rest // 2, 10]
+
+
+@pytest.mark.parametrize(("saves", "shorter"), [(0.02, True), (0.5, False)])
+def test_a_cut_saves_what_is_asked(small_map, saves, shorter):
+    frame = odm.ReactivePlanner(small_map).frame
+    corners = np.array([[0.0, 0.0, 0.0], [0.3, 0.3, 0.0], [0.6, 0.0, 0.0]])
+    cutter = Cutter(
+        frame, SimpleNamespace(q=corners), None, None, ImproveSettings(cut_saves=saves)
+    )
+    assert cutter._shorter(corners[0], corners[2] - corners[0], 0, 2) == shorter
+
+
+def test_what_rounding_gains_is_measured_at_as_many_corners_as_asked(small_map):
+    robot, roadmap = small_map.robot, small_map.roadmap
+    few, many = (corner_gain(robot, roadmap, n) for n in (1, 100_000))
+    assert few != many > 0.0 and corner_gain(robot, roadmap) > 0.0

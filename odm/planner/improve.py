@@ -11,12 +11,10 @@ import numpy as np
 
 from odm.frame.frame import Frame
 from odm.planner.path import CandidatePath, PathInUse
+from odm.planner.settings import ImproveSettings
 from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
 from odm.search import _step as step
-
-LOOK_EVERY = 8  # frames between two looks for a better path or goal
-_JOIN = 3  # tests that the robot's join to the roadmap takes as long as
 
 
 class Improver:
@@ -33,6 +31,7 @@ class Improver:
         cutter: Finds cuts.
         smoother: Changes the candidate.
         join: Joins the robot to the roadmap anew where that may help.
+        settings: How often it looks, and what a join counts.
     """
 
     def __init__(
@@ -43,8 +42,10 @@ class Improver:
         cutter: Cutter,
         smoother: Smoother,
         join: Callable[[], bool],
+        settings: ImproveSettings = ImproveSettings(),
     ) -> None:
         """No look was taken."""
+        self.settings = settings
         self.frame, self.path, self.candidate = frame, path, candidate
         self.cutter, self.smoother, self._join = cutter, smoother, join
         self.reset()
@@ -71,8 +72,8 @@ class Improver:
         """Spend the budget; return how many changes were made to the candidate."""
         candidate, smoother, made = self.candidate, self.smoother, 0
         if budget > 0 and self.frame.number >= self._next:
-            self._next = self.frame.number + LOOK_EVERY
-            budget -= 1 + _JOIN * self._join()
+            self._next = self.frame.number + self.settings.look_every
+            budget -= 1 + self.settings.join_takes * self._join()
             if budget < 0:  # to look is left for the next call
                 self._next = 0
                 return 0

@@ -55,8 +55,8 @@ from odm.planner.path import CandidatePath, Candidates, PathInUse
 from odm.planner.pose_goals import GoalReport, PoseGoals, Refused
 from odm.planner.retreat import Retreat
 from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
-from odm.planner.scene import PER_TEST, Scene
-from odm.planner.settings import MOST_EXTRA, PlannerSettings
+from odm.planner.scene import Scene
+from odm.planner.settings import MOST_EXTRA, ImproveSettings, PlannerSettings
 from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
 from odm.search import _expected as expected
@@ -72,9 +72,6 @@ from roadmap.transforms import check_pose
 # what a frame's answer is packed with, which every frame takes apart
 _FOLLOWING, _PLANNED = codes.FOLLOWING, codes.PLANNED
 _SEGMENT, _COUNT, _GOAL = codes.SEGMENT, codes.COUNT, codes.GOAL
-# nodes that start and goals are joined with in the first frame without a path from
-# there; later ones have one at a time
-_NODES_AT_FIRST = 4
 
 
 class ReactivePlanner:
@@ -145,11 +142,12 @@ class ReactivePlanner:
             always_replan,
             s.persistence_frames if s.history_s else 0,
         )
+        self._shares = shares = ImproveSettings()
         self._improver = Improver(
             frame,
             path,
             self.candidate,
-            Cutter(frame, path, self.candidates, attacher),
+            Cutter(frame, path, self.candidates, attacher, shares),
             Smoother(
                 frame,
                 self.candidate,
@@ -158,6 +156,7 @@ class ReactivePlanner:
                 s.history_clearance if s.history_s else 0.0,
             ),
             self.decision.join_between,
+            shares,
         )
         self.connector = Connector(frame, path, attacher, s.search)
         changed = partial(_scene_changed, self.carrier, attacher, self.connector)
@@ -553,7 +552,8 @@ class ReactivePlanner:
                 moves = decision.robot == MOVES
                 first, joined = connector.is_new and not moves, False
                 if code == codes.NO_PATH:
-                    joined = decision.join_more(_NODES_AT_FIRST if first else 1)
+                    most = self._shares.nodes_at_first if first else 1
+                    joined = decision.join_more(most)
                 if joined:
                     more = decision.again(now)
                     if more % _SEGMENT <= _PLANNED:
@@ -634,7 +634,7 @@ class ReactivePlanner:
         if ahead is not None:
             ahead = check_configuration(self.robot, ahead, None)
         if self.scene.waiting:
-            self.scene.test_waiting(PER_TEST * budget)
+            self.scene.test_waiting(self._shares.items_per_test * budget)
         if self.frame.trouble is not None or self.decision.only_seen:
             return 0
         attacher, connector = self.attacher, self.connector

@@ -18,8 +18,6 @@ from odm.planner.attaching import Attacher
 from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
 
-_SHARES = (1.0, 0.5, 0.25)  # of the motion to the node
-
 
 class Retreat:
     """Finds motions away from the frame's points, or from what comes.
@@ -59,7 +57,7 @@ class Retreat:
         escape = self._place_anchor(q)
         for node in self.attacher.nearest(q, s.tried):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
-            for share in _SHARES:
+            for share in s.shares:
                 end = q + share * dq
                 gap = frame.separation(end)
                 if gap <= best:

@@ -17,7 +17,6 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
-PER_TEST = 4  # items that `improve` tests for each test in its budget
 LONGEST_NAME = 200
 FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
 STATIC = "the scenery set by set_static"

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 from odm.search.state import MAX_ATTACHMENTS
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import check_row, check_settings
 
 MOST_EXTRA = 0.5  # [m] largest extra clearance
 _RANGES = {
@@ -176,6 +176,32 @@ class ConnectSettings:
 
 
 @dataclass(frozen=True)
+class ImproveSettings:
+    """How `improve` shares out its budget (`improve.Improver`, `shortcuts.Cutter`).
+
+    Attributes:
+        look_every: Frames between two looks for a better path or goal.
+        join_takes: Tests that the robot's join to the roadmap takes as long as.
+        cut_saves: A cut must save this share of the length of what it replaces.
+        items_per_test: Nodes and edges near what was added to the scene that are
+            tested for each test in the budget.
+        nodes_at_first: Near nodes that the first frame without a path at a place looks
+            at; later ones look at one each.
+    """
+
+    look_every: int = 8
+    join_takes: int = 3
+    cut_saves: float = 0.02
+    items_per_test: int = 4
+    nodes_at_first: int = 4
+
+    def __post_init__(self) -> None:
+        names = tuple(f.name for f in fields(self) if f.name != "cut_saves")
+        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"cut_saves": (0.0, 1.0, "")}
+        check_settings(self, ranges, names)
+
+
+@dataclass(frozen=True)
 class SmoothingSettings:
     """Which changes of a path are weighed, and made (`smooth.Smoother`).
 
@@ -187,6 +213,7 @@ class SmoothingSettings:
         draws: Changes weighed for each one that is tested: they cost far less.
         detour: A rest shorter than this times the straight way to the goal stays.
         wait: Frames from a look that found that straight way blocked to the next.
+        corners: Corners of the roadmap at which it is measured what rounding gains.
     """
 
     worth: float = 0.01
@@ -196,13 +223,15 @@ class SmoothingSettings:
     draws: int = 40
     detour: float = 1.1
     wait: int = 8
+    corners: int = 128
 
     def __post_init__(self) -> None:
         ranges = dict.fromkeys(("worth", "much"), (0.0, 1.0, ""))
         ranges |= {"pace": (0.01, 1.0, ""), "lead_s": (0.0, 10.0, "s")}
         ranges |= {"detour": (1.0, 100.0, "")}
-        ranges |= dict.fromkeys(("draws", "wait"), (1, 10_000, ""))
-        check_settings(self, ranges, ("draws", "wait"))
+        counts = ("draws", "wait", "corners")
+        ranges |= dict.fromkeys(counts, (1, 10_000, ""))
+        check_settings(self, ranges, counts)
 
 
 @dataclass(frozen=True)
@@ -212,7 +241,8 @@ class RetreatSettings:
     Attributes:
         near: Farther points are no reason to back off [m].
         gain: A motion that backs off must gain this much separation [m].
-        tried: Directions for it: to so many of the nearest nodes.
+        tried: Directions for it: to so many of the nearest nodes,
+        shares: ... by these shares of the motion there, the largest first.
         ample: With so much more distance than is asked it has evaded [m].
         worth: An evasion must gain this against standing there [m].
         directions: Directions for that.
@@ -222,6 +252,7 @@ class RetreatSettings:
     near: float = 0.15
     gain: float = 0.01
     tried: int = 12
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25)
     ample: float = 0.12
     worth: float = 0.03
     directions: int = 24
@@ -232,6 +263,7 @@ class RetreatSettings:
         ranges |= dict.fromkeys(("tried", "directions"), (1, 10_000, ""))
         ranges["sets_off_s"] = (0.0, 10.0, "s")
         check_settings(self, ranges, ("tried", "directions"))
+        check_row(self, "shares", 1e-3, 1.0)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import Candidates, PathInUse
-
-_CUT_SAVES = 0.02  # a cut must save this share of what it replaces
+from odm.planner.settings import ImproveSettings
 
 
 class Cutter:
@@ -20,6 +19,7 @@ class Cutter:
         path: The path in use.
         candidates: Where cuts are remembered.
         attacher: Makes the cells of a cut.
+        settings: What a cut must save.
     """
 
     def __init__(
@@ -28,8 +28,10 @@ class Cutter:
         path: PathInUse,
         candidates: Candidates,
         attacher: Attacher,
+        settings: ImproveSettings = ImproveSettings(),
     ) -> None:
         """Keep what it works on."""
+        self.settings = settings
         self.frame, self.path = frame, path
         self.candidates, self.attacher = candidates, attacher
 
@@ -74,4 +76,5 @@ class Cutter:
         weights = self.frame.cell_map.roadmap.weights
         corners = np.concatenate([q_a[None], self.path.q[i + 1 : j + 1]])
         now = np.linalg.norm(np.diff(corners, axis=0) * weights, axis=1).sum()
-        return bool(np.linalg.norm(dq * weights) < (1.0 - _CUT_SAVES) * now)
+        most = (1.0 - self.settings.cut_saves) * now
+        return bool(np.linalg.norm(dq * weights) < most)

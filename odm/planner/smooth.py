@@ -32,19 +32,18 @@ from roadmap.motion.blending import (
 )
 from roadmap.robot.robot import Robot
 
-_GAIN_NODES = 128  # corners of the roadmap that are measured
 _GAIN_DEVIATION, _GAIN_LENGTH = 0.004, 10.0  # [m] allowed there, and of endless legs
 
 
 @lru_cache(maxsize=2)  # a seventh of what it takes to make a planner
-def corner_gain(robot: Robot, roadmap: Roadmap) -> float:
+def corner_gain(robot: Robot, roadmap: Roadmap, corners: int = 128) -> float:
     """Return how much longer blends are than the sum over joints allows, as a rule.
 
-    The median over corners of the roadmap: what a corner costs is weighed thousands of
-    times between two frames, and its own bound would take longer than that.
+    The median over so many corners of the roadmap: what a corner costs is weighed
+    thousands of times between two frames, and its own bound would take longer.
     """
     gains = []
-    step = max(1, roadmap.n_nodes // _GAIN_NODES)
+    step = max(1, roadmap.n_nodes // corners)
     for node in range(0, roadmap.n_nodes, step):
         near = roadmap.adj_node[roadmap.adj_ptr[node] : roadmap.adj_ptr[node + 1]]
         if len(near) < 2:
@@ -113,7 +112,8 @@ class Smoother:
             joint_motion_bounds(robot),
             cell_map.roadmap.weights,
         ]
-        deviation = cell_map.safety.blending * corner_gain(robot, cell_map.roadmap)
+        gain = corner_gain(robot, cell_map.roadmap, settings.corners)
+        deviation = cell_map.safety.blending * gain
         rounding = np.array([deviation, BLEND_DEVIATION, TURN_A, TURN_J])
         continuous = frame.memory.robot_state.continuous
         self._terms = smoothing.Terms(np.stack(limits), rounding, continuous)

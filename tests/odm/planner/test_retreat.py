@@ -150,4 +150,11 @@ def test_the_settings_say_what_is_near_and_what_a_retreat_must_gain(planner, rng
         for settings in others:
             stays = Retreat(planner.frame, planner.attacher, settings)
             assert stays.back_off(q) is None or planner.separation(q) < 0.0
+        few = Retreat(planner.frame, planner.attacher, RetreatSettings(shares=(0.1,)))
+        short = few.back_off(q)
+        ends = planner.cell_map.roadmap.nodes
+        if short is not None:
+            way = difference(planner.robot, short[0], short[1])
+            there = [difference(planner.robot, q, node) for node in ends]
+            assert np.abs(np.array(there) - 10.0 * way).max(axis=1).min() < 1e-9
     assert backed
