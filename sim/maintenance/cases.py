@@ -133,8 +133,8 @@ def tools_of(
                 shared.rest,
                 shared.side,
                 shared.pads,
-                T_place,
-                tuple(standing[:k] + standing[k + 1 :]),
+                T_place=T_place,
+                others=tuple(standing[:k] + standing[k + 1 :]),
             )
         )
     return tuple(setups)

@@ -27,6 +27,7 @@ from sim.maintenance.cases import (
     ToolSetup,
     case_in_reach,
     placed,
+    tools_of,
     upright,
     wrench_of,
 )
@@ -37,9 +38,10 @@ from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
 from sim.story.grasping import held_farther_out
 from sim.story.handover import Handover
-from sim.story.play import StoryPlay, StoryResult
+from sim.story.play import StoryPlay, StoryResult, new_story
 from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest
+from sim.story.settings import StorySettings
 
 SHORT = CycleSettings(uses_s=0.03)
 
@@ -97,6 +99,21 @@ def test_other_tools_are_scenery_and_one_s_own_is_not(setups):
     names = [name for name in one.planner().scene]
     assert names == ["holder 2", "tool 2"]
     assert [name for name in setups[0].planner().scene] == []
+
+
+def test_each_tool_has_its_own_place_and_the_others_stand_about(meet_maps):
+    maps = odm.load_map(meet_maps[0]), load_reach_map(meet_maps[1])
+    setups = tools_of(*maps, ("flange",))
+    assert len(setups) == len(SIZES)
+    for k, setup in enumerate(setups):
+        own = upright(setup.obj, PLACES_XY[k])
+        assert np.array_equal(setup.places(), own[None])
+        assert [tool for tool, _ in setup.others] == [
+            other.obj for other in setups if other is not setup
+        ]
+        human = LadderCase.drawn_at(0).body()
+        story = new_story(setup, StorySettings(direction="receive"), human)
+        assert np.array_equal(story._T_place, own) and not len(story._T_others)
 
 
 class Run:
