@@ -172,15 +172,10 @@ def _size_of(thing: GraspObject) -> str:
 
 def _check_axis(robot: Robot, tip: str, pads: Sequence[str]) -> None:
     """Refuse a tool frame whose z does not point out of the hand, to the pads."""
-    q = 0.5 * (robot.lower + robot.upper)
-    links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
-    others = gripper_links(robot) - set(pads)
-    middles = cover_balls(robot, q)[robot.moving][:, :3]
-    ends = [middles[[n in names for n in links]] for names in (others, pads)]
-    if not all(map(len, ends)):
+    hand, fingers = _balls_of_hand(robot, pads)
+    if not (len(hand) and len(fingers)):
         return
-    hand, fingers = (points.mean(axis=0) for points in ends)
-    out = tool_pose(robot, q)[:3, :3].T @ (fingers - hand)
+    out = fingers[:, :3].mean(axis=0) - hand[:, :3].mean(axis=0)
     if out[2] >= 0.5 * np.linalg.norm(out):
         return
     k = int(np.abs(out).argmax())
@@ -195,14 +190,19 @@ def _check_axis(robot: Robot, tip: str, pads: Sequence[str]) -> None:
 
 def _front_of(robot: Robot, pads: Sequence[str]) -> float:
     """Return how far before the tool the hand without its pads reaches [m]."""
-    q = 0.5 * (robot.lower + robot.upper)
+    balls, _ = _balls_of_hand(robot, pads)
+    return float((balls[:, 2] + balls[:, 3]).max()) if len(balls) else 0.0
+
+
+def _balls_of_hand(robot: Robot, pads: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covers (n, 4) of hand without pads, and of pads, tool frame [m]."""
+    q = 0.5 * (robot.lower + robot.upper)  # wherever it is: the hand is the same
     own = gripper_links(robot) - set(pads)
     links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
-    balls = cover_balls(robot, q)[robot.moving][[n in own for n in links]]
-    if not len(balls):
-        return 0.0
+    balls = cover_balls(robot, q)[robot.moving]
     T = np.linalg.inv(tool_pose(robot, q))
-    return float((balls[:, :3] @ T[2, :3] + T[2, 3] + balls[:, 3]).max())
+    balls[:, :3] = balls[:, :3] @ T[:3, :3].T + T[:3, 3]
+    return balls[[n in own for n in links]], balls[[n in pads for n in links]]
 
 
 def _spec_of(

@@ -429,9 +429,9 @@ class Handover:
 
     def _unreached_for(self, person: Threat, obj: np.ndarray) -> float:
         """Return how long nobody can get to an object (k, 7) from now on [s]."""
-        balls = _covering_balls(obj)
+        balls, person = _covering_balls(obj), person.as_lately()
         for time in self.conduct.untouched:
-            rows, more = person.as_lately().between(0.0, time)
+            rows, more = person.between(0.0, time)
             if not more and (ball_gaps(balls, rows.capsules) > 0.0).all():
                 return time
         return 0.0

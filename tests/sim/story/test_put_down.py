@@ -121,6 +121,13 @@ def test_what_was_put_down_does_not_start_off_where_nobody_can_get_to_it(setup):
     assert grows(now) > 0.1  # at once
 
 
+def test_where_nobody_is_seen_what_was_put_down_stays(setup):
+    story, human = beside_what_it_put_down(setup)
+    T, nobody = at_hand(story), np.zeros((0, 7))
+    told = threats_of_object(story, human, lambda now: T, lambda now: nobody)
+    assert grows(told[-1]) < 0.01
+
+
 @pytest.mark.parametrize("why", ["moves", "elsewhere", "taken", "not asked for"])
 def test_anything_else_may_start_off_at_once(setup, why):
     times = {"untouched": (1e-6,)} if why == "not asked for" else {}
