@@ -376,7 +376,7 @@ def better_found(state, q):
         new = path_length(found_path, robot.weights)
         if joint:
             new += goals.cost[found_path.count[1]] - goals.cost[rank]
-        found = new <= (1.0 - rules.hysteresis[0]) * now
+        found = new < (1.0 - rules.hysteresis[0]) * now  # at its goal both are 0
         found = found and not (
             keeps_history(state) and path_in_avoided(state, found_path)
         )

@@ -229,7 +229,7 @@ class Loop:
             q=self._q,
             capsules=capsules,
             answer=answer,
-            place=self.place,
+            place=self._goes_to(),
             separation=separation,
             joint_speed=float(np.abs(self._moved).max()),
             point_speed=self._point_speed(),
@@ -247,6 +247,10 @@ class Loop:
         self._capsules = capsules
         self._move()
         return frame
+
+    def _goes_to(self) -> int:
+        """Return the number of the work place that the answer leads to."""
+        return self.place
 
     def _move(self) -> None:
         self._advance()

@@ -53,23 +53,21 @@ from sim.run.request import RunRequest, held_object
 
 GRASPS = 8  # of the person, at most
 # Fewer motions to a goal than usual: a frame pays for them when the target changes.
-# One look is enough to go to a better target: the margin of quality is the hysteresis.
-# No memory of where the person was: with it the planner stays with a worse target.
+# A new path avoids where the person lately was, with no distance beside that: a target
+# is near a hand (docs/decisions/0100).
 PLANNER = PlannerSettings(
-    goal_connections=4,
-    start_connections=4,
-    confirmations=1,
-    history_s=0.0,
-    cached_goals=32,
+    goal_connections=4, start_connections=4, history_clearance=0.0, cached_goals=32
 )
 # The way of the hand counts from where the arm rests, else the best places follow it,
 # and a ranking goes on over several frames (docs/decisions/0027 and 0049). A hand that
-# reaches for a target blocks it for a second or less: it is waited for.
+# reaches for a target blocks it for a second or less: it is waited for. A target keeps
+# clear of a hand that trembles by 2 cm, where one does (docs/decisions/0100).
 QUALITY = QualitySettings()
 LIVE = LiveSettings(
     rank_budget=1000,
     from_rest=True,
     near_rest=True,
+    spare_m=0.03,
     choice=ChoiceSettings(patience_frames=150),
 )
 

@@ -80,15 +80,18 @@ class MeetLoop(Loop):
         if dwell_s is not None:
             self._dwell = max(1, round(dwell_s * self.settings.rate_hz))
         self._there = 0  # frames without a break
-        self.place = -1
+
+    def _goes_to(self) -> int:
+        key = self.live.pursuit.key
+        return -1 if key is None else key
 
     def _move(self) -> None:
         pursuit = self.live.pursuit
         self.pursuits.append(pursuit)
-        self.place = -1 if pursuit.key is None else pursuit.key
-        if self.place >= 0 and self.place not in self.tools:
-            goal = next(g for g in self.live.goals if g.key == self.place)
-            self.tools[self.place] = tool_pose(self.robot, goal.q)[:3, 3]
+        key = pursuit.key
+        if key is not None and key not in self.tools:
+            goal = next(g for g in self.live.goals if g.key == key)
+            self.tools[key] = tool_pose(self.robot, goal.q)[:3, 3]
         self._there = self._there + 1 if pursuit.state == THERE else 0
         self.trips += self._there == 1
         if self._there == self._dwell:

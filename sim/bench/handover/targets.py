@@ -19,9 +19,14 @@ from sim.tables.table import value_row
 # of the person from the axis of the robot's base [m]; each has a seed of its own
 DISTANCES = (0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.3)
 MOTION = "reach"
+TREMBLE = "tremble"  # the hand stays where it is, but for 2 cm at 5 Hz
 P50_MS, P99_MS = 3.0, 8.0  # asked of a frame's loop
-CHANGES, ARRIVALS = 4.0, 12.0  # asked, a minute
+CHANGES, PATHS, ARRIVALS = 4.0, 1.0, 12.0  # asked, a minute
 DWELL_S = 1.0  # at a target, where the robot hands over, goes back and comes again
+TREMBLES = (
+    "distance", "there", "on the way", "blocked", "arrivals", "new paths", "changes",
+    "contacts",
+)  # fmt: skip
 TIMES = ("distance", "CPU p50", "p99", "max", "wall p50", "p99", "max")
 SHARES = (
     "distance", "there", "on the way", "blocked", "top", "near", "changes", "contacts"
@@ -46,8 +51,9 @@ def run(
 ) -> dict:
     """Run the loop to the targets of people who stand at several distances.
 
-    Each person is met twice: by a robot that stays at its target, and by one that goes
-    back after `DWELL_S` there and comes again.
+    Each person is met three times: by a robot that stays at its target, by one that
+    goes back after `DWELL_S` there and comes again, and, with a hand that stays where
+    it is and trembles, by one that stays.
 
     Args:
         map_dir: Folder of a built map.
@@ -85,7 +91,11 @@ def run(
     )
     jobs = [
         replace(asked, seed=seed + k, distance=(distance, distance), **more)
-        for more in ({}, {"dwell": DWELL_S, "audit_s": 0.0})
+        for more in (
+            {},
+            {"dwell": DWELL_S, "audit_s": 0.0},
+            {"motion": TREMBLE, "audit_s": 0.0},
+        )
         for k, distance in enumerate(distances)
     ]
     for job in jobs:  # a wrong distance or setting is refused before any work
@@ -105,6 +115,8 @@ def run(
         "object": f"{asked.obj}, {GRASPS} grasps",
         "staying, cycling": f"the robot stays at its target; it goes back after "
         f"{DWELL_S:g} s there without a break, and comes again",
+        "trembling": f"the motion {TREMBLE}: the hand stays near the robot and "
+        "trembles 2 cm at 5 Hz; the robot stays",
         "audited": f"every {asked.audit_s:g} s",
         "runs at a time": min(processes, len(jobs)),
         "top, near": "at or on the way to the top-ranked reachable target, to one "
@@ -131,6 +143,7 @@ def _played(job: RunRequest) -> dict:
     same = {k: summary[k] for k in ("trajectory_sha256", "path_changes", "held_s")}
     found = task.figures(loop, result)["targets"]
     told = {"distance_m": job.distances[0], "seed": job.seed, "seconds": job.seconds}
+    told["motion"] = job.motion
     return told | {"changes": loop.live.counts["changes"]} | found | same
 
 
@@ -149,11 +162,13 @@ def _rows(runs: list[dict]) -> list[dict]:
         value_row(f"loop, wall: p99, {n}", worst("wall", "p99"), "ms", most=P99_MS),
         value_row("contacts", float(sum(r["contacts"] for r in runs)), "", most=0.0),
     ]
-    staying, cycling = _by_mode(runs)
-    most, least = {"most": CHANGES}, {"least": ARRIVALS}
+    staying, cycling, trembling = _by_mode(runs)
+    most, least, paths = {"most": CHANGES}, {"least": ARRIVALS}, {"most": PATHS}
     rows += [
         _a_minute(staying, "changes", "target changes a minute, staying", most),
         _a_minute(cycling, "changes", "target changes a minute, cycling", most),
+        _a_minute(trembling, "changes", "target changes a minute, trembling", most),
+        _a_minute(trembling, "path_changes", "new paths a minute, trembling", paths),
         _a_minute(cycling, "arrivals", "arrivals a minute, cycling", least),
         _a_minute(cycling, "handovers", f"stays of {DWELL_S:g} s a minute, cycling"),
         _a_minute(staying, "arrivals", "arrivals a minute, staying"),
@@ -162,11 +177,14 @@ def _rows(runs: list[dict]) -> list[dict]:
     return rows + _audited(staying)
 
 
-def _by_mode(runs: list[dict]) -> tuple[list[dict], list[dict]]:
-    """Return the runs in which the robot stays, and those in which it goes back."""
+def _by_mode(runs: list[dict]) -> tuple[list[dict], list[dict], list[dict]]:
+    """Return runs in which the robot stays, goes back, and stays beside a tremble."""
+    trembling = [r for r in runs if r["motion"] == TREMBLE]
+    others = [r for r in runs if r["motion"] != TREMBLE]
     return (
-        [r for r in runs if r["dwell_s"] is None],
-        [r for r in runs if r["dwell_s"] is not None],
+        [r for r in others if r["dwell_s"] is None],
+        [r for r in others if r["dwell_s"] is not None],
+        trembling,
     )
 
 
@@ -210,14 +228,18 @@ def _some(run: dict) -> int:
 
 
 def _tables(runs: list[dict]) -> list[dict]:
-    staying, cycling = _by_mode(runs)
+    staying, cycling, trembling = _by_mode(runs)
     return [
         {
             "title": f"A frame's loop [ms], {word}",
             "head": TIMES,
             "rows": [_times(r) for r in some],
         }
-        for word, some in (("staying", staying), ("cycling", cycling))
+        for word, some in (
+            ("staying", staying),
+            ("cycling", cycling),
+            ("trembling", trembling),
+        )
     ] + [
         {
             "title": "Staying: share of time; of audited frames; changes a minute",
@@ -228,6 +250,11 @@ def _tables(runs: list[dict]) -> list[dict]:
             "title": "Cycling: arrivals and hand-overs a minute; share of time",
             "head": CYCLES,
             "rows": [_cycles(r) for r in cycling],
+        },
+        {
+            "title": "Trembling: share of time; new paths and target changes a minute",
+            "head": TREMBLES,
+            "rows": [_trembles(r) for r in trembling],
         },
     ]
 
@@ -257,6 +284,17 @@ def _cycles(run: dict) -> list[str]:
         f"{run['distance_m']:g} m",
         *(f"{run[name] / minutes:.1f}" for name in ("arrivals", "handovers")),
         *_states(run, ("there",), ("on the way",), ("withdrawn",), blocked),
+        f"{run['target_changes_per_minute']:.0f}",
+        str(run["contacts"]),
+    ]
+
+
+def _trembles(run: dict) -> list[str]:
+    minutes = run["seconds"] / 60.0
+    return [
+        f"{run['distance_m']:g} m",
+        *_states(run, ("there",), ("on the way",), ("blocked", "no target")),
+        *(f"{run[name] / minutes:.1f}" for name in ("arrivals", "path_changes")),
         f"{run['target_changes_per_minute']:.0f}",
         str(run["contacts"]),
     ]

@@ -174,3 +174,27 @@ def test_the_straight_motion_to_a_goal_at_its_limits_ends_at_the_very_goal(plann
             assert (np.abs(np.diff(answer.path, axis=0))[:, ~fixed] <= np.pi).all()
             straight += len(answer.path) == 2
     assert straight > 5
+
+
+def test_at_its_goal_beside_a_better_one_without_a_path_it_follows(arm3):
+    """No path to the goal where it stands is shorter than none at all."""
+    settings = odm.PlannerSettings(confirmations=1, history_s=0.0, search=0)
+    planner = odm.ReactivePlanner(arm3, settings=settings)
+    halfway = tool_pose(planner.robot, 0.5 * (AWAY + BETTER))[:3, 3]
+    planner.set_goals([BETTER])
+    for radius in np.arange(0.05, 0.5, 0.01):
+        between = ball_at(halfway, radius)
+        planner.reset()
+        held = planner.step(between, q=AWAY).status == "holding"
+        if held and planner.stands_clear(BETTER) and planner.stands_clear(AWAY):
+            break
+    else:
+        pytest.fail("no ball is between the two")
+    planner.reset()
+    planner.set_goals([BETTER, AWAY])
+    near = AWAY + np.array([0.1, 0.0, 0.0])
+    assert planner.step(between, q=near).goal == 1
+    for _ in range(60):
+        answer = planner.step(between, q=AWAY)
+        assert (answer.goal, answer.status) == (1, "following")
+        planner.improve(4)

@@ -15,11 +15,13 @@ def result(meet_maps):
 
 
 def test_short_is_one_run_of_the_figures_asked(result):
-    run, cycling = result["runs"]
+    run, cycling, trembling = result["runs"]
     assert run["distance_m"] == 0.9 and result["bench"] == "targets"
     assert run["dwell_s"] is None and cycling["dwell_s"] == targets.DWELL_S
     assert cycling["distance_m"] == 0.9 and cycling["seed"] == run["seed"]
     assert cycling["audit"]["judged"] == 0 < run["audit"]["judged"]
+    assert trembling["dwell_s"] is None and trembling["seed"] == run["seed"]
+    assert (trembling["motion"], run["motion"]) == ("tremble", "reach")
     rows = {row["name"]: row for row in result["rows"]}
     p99 = next(row for name, row in rows.items() if name.startswith("loop, CPU: p99"))
     both = max(r["loop_cpu_s"]["p99"] for r in result["runs"])
@@ -30,7 +32,7 @@ def test_short_is_one_run_of_the_figures_asked(result):
 
 
 def test_the_rows_say_what_the_runs_were(result):
-    run, cycling = result["runs"]
+    run, cycling, trembling = result["runs"]
     audit = {"judged": 10, "out_of_reach": 2, "top": 0.5, "within_margin": 0.75}
     audit |= {"worse": 0.125, "none": 0.125}
     other = run | {"audit": audit, "contacts": 3, "distance_m": 1.3}
@@ -38,11 +40,12 @@ def test_the_rows_say_what_the_runs_were(result):
     empty = run | {"audit": {**dict.fromkeys(audit, 0.0), "judged": 4}}
     empty["audit"]["out_of_reach"] = 4
     went = {"arrivals": 9, "handovers": 7, "changes": 2, "seconds": 30.0}
-    runs = [empty, other, cycling | went]
+    shook = {"path_changes": 3, "changes": 5, "arrivals": 4, "seconds": 120.0}
+    runs = [empty, other, cycling | went, trembling | shook]
     rows = {r["name"]: r for r in targets._rows(runs)}
     values = {name: row["value"] for name, row in rows.items()}
-    assert values["loop, CPU: p50, largest of 3 runs"] == 4.0
-    assert rows["loop, CPU: p99, largest of 3 runs"]["met"] is False
+    assert values["loop, CPU: p50, largest of 4 runs"] == 4.0
+    assert rows["loop, CPU: p99, largest of 4 runs"]["met"] is False
     assert values["contacts"] == 3.0 and rows["contacts"]["met"] is False
     assert values["at or on the way to the top-ranked reachable target"] == 50.0
     assert values["to it or one within the margin of its quality"] == 75.0
@@ -51,12 +54,18 @@ def test_the_rows_say_what_the_runs_were(result):
     assert values["stays of 1 s a minute, cycling"] == 14.0
     assert values["target changes a minute, cycling"] == 4.0
     assert rows["arrivals a minute, staying"]["asked"] == {}
-    times, cycled, shares, cycles = targets._tables(runs)
+    assert values["new paths a minute, trembling"] == 1.5
+    assert rows["new paths a minute, trembling"]["met"] is False
+    assert values["target changes a minute, trembling"] == 2.5
+    tables = targets._tables(runs)
+    times, cycled, trembled, shares, cycles, trembles = tables
+    assert trembles["rows"][0][4:6] == ["2.0", "1.5"]
+    assert len(trembled["rows"]) == 1
     assert cycles["rows"][0][:3] == ["0.9 m", "18.0", "14.0"]
     assert times["rows"][1] == ["1.3 m", "4.0", "9.0", "50.0", *times["rows"][0][4:]]
     assert shares["rows"][0][4:6] == ["-", "-"]
     assert shares["rows"][1][4:6] == ["50 %", "75 %"]
-    for more in (times, cycled, shares, cycles):
+    for more in tables:
         assert all(len(row) == len(more["head"]) for row in more["rows"])
     assert "1.3 m" in table.markdown(result | {"tables": [times, cycled, shares]})
 
@@ -71,7 +80,7 @@ def test_other_distances_are_other_runs(meet_maps):
         seed=3,
     )
     told = [(run["distance_m"], run["seed"]) for run in two["runs"]]
-    assert told == 2 * [(0.8, 3), (1.0, 4)]
+    assert told == 3 * [(0.8, 3), (1.0, 4)]
 
 
 def test_the_command_prints_it(odm, meet_maps, tmp_path):

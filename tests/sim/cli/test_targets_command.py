@@ -64,6 +64,7 @@ def test_the_loop_pursues_what_it_says(built):
         frame = loop.frame()
         pursuit = loop.pursuits[-1]
         assert len(loop.pursuits) == frame.index + 1
+        assert frame.place == (-1 if pursuit.key is None else pursuit.key)
         if pursuit.key is None:
             continue
         goals = [g.q for g in live.goals]
@@ -72,6 +73,14 @@ def test_the_loop_pursues_what_it_says(built):
         at = frame.answer.goal
         assert live.goals[at].key == pursuit.key
         np.testing.assert_allclose(frame.answer.path[-1], goals[at], atol=1e-9)
+
+
+def test_beside_a_hand_that_trembles_it_stays_on_its_path_and_at_its_target(built):
+    """It was driven off each time, or took another path on the way."""
+    told = run(request(built, "tremble", seconds=6.0, rate=100.0, audit_s=0))
+    assert told["run"]["path_changes"] == 0  # the first path to a target is none
+    assert told["targets"]["arrivals"] == 1
+    assert told["targets"]["target_changes_per_minute"] == 0.0
 
 
 def test_after_its_dwell_it_goes_back_and_comes_again(built):
