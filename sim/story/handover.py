@@ -537,6 +537,7 @@ class Handover:
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
             "unfelt": passed > limit and not self._pull.felt,
+            "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
             "late_holding": passed > limit and self.holding,
             "beset": passed > limit and self.holding and self._is_beset(passed),
@@ -562,6 +563,11 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _is_occupied(self, seen: _Seen) -> bool:
+        """Whether the person is within the clearance of the object in its place."""
+        gaps = self._gaps_of_places(seen)
+        return bool(len(gaps)) and bool(gaps[0] < self.planner.keep)
 
     def _is_beset(self, passed: float) -> bool:
         """Whether the person kept it from putting the object down, so far [s]."""

@@ -62,6 +62,7 @@ SIGNALS = {
     "hindered": "the time limit is over, most of it slowed or stopped for the person",
     "under_way": "the time limit is over, and it is still on its way",
     "unfelt": "the time limit is over, and the wrist measured no force all the while",
+    "occupied": "the time limit is over, and the person is at the object's place",
     "late": "the state has lasted longer than its time limit",
     "late_holding": "the state has lasted too long, and the object is in the hand",
     "beset": "the same, and the person was in the way to the places",
@@ -102,6 +103,13 @@ _OF_PLACES = (
 GIVE = (
     Row(FETCH, "held", APPROACH, "the object is in the hand"),
     Row(FETCH, "missed", RETREAT, "there was nothing to grasp", True),
+    Row(
+        FETCH,
+        "occupied",
+        RETREAT,
+        "somebody stood where the object is: it could not be fetched in time",
+        True,
+    ),
     Row(FETCH, "late", RETREAT, "the object could not be fetched in time", True),
     Row(APPROACH, "lost", RETREAT, "the object was dropped on the way", True),
     Row(APPROACH, "pulled", WAIT, "somebody pulls on the way: it stands", True),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from handover import ReachMap
 from odm import load_map
 from roadmap.errors import BadInput
 from sim.bench.many import play_all
@@ -105,11 +106,23 @@ def run(
     found = reach_map_of(cell_map.robot, asked.reach, lambda *progress: None)
     tell(f"{len(jobs)} runs of {seconds:g} s, {execution}")
     runs = play_all(_played, jobs, processes, tell)
-    setup = {
+    return {
+        "bench": "targets",
+        "header": header(cell_map),
+        "setup": _setup(asked, found, seed, min(processes, len(jobs))),
+        "rows": _rows(runs),
+        "tables": _tables(runs),
+        "runs": runs,
+    }
+
+
+def _setup(asked: RunRequest, found: ReachMap, seed: int, processes: int) -> dict:
+    """Return what is to be known of the runs."""
+    return {
         "motion": MOTION,
-        "seconds of each run": seconds,
+        "seconds of each run": asked.seconds,
         "first seed": seed,
-        "execution": execution,
+        "execution": asked.execution,
         "reach map": f"{found.hash[:12]}, {found.grid.cell:g} m / "
         f"{found.grid.rotations.n_cells}",
         "object": f"{asked.obj}, {GRASPS} grasps",
@@ -118,17 +131,9 @@ def run(
         "trembling": f"the motion {TREMBLE}: the hand stays near the robot and "
         "trembles 2 cm at 5 Hz; the robot stays",
         "audited": f"every {asked.audit_s:g} s",
-        "runs at a time": min(processes, len(jobs)),
+        "runs at a time": processes,
         "top, near": "at or on the way to the top-ranked reachable target, to one "
         "within the margin of its quality",
-    }
-    return {
-        "bench": "targets",
-        "header": header(cell_map),
-        "setup": setup,
-        "rows": _rows(runs),
-        "tables": _tables(runs),
-        "runs": runs,
     }
 
 

@@ -98,6 +98,7 @@ def test_what_is_put_between_the_fingers_is_taken_where_it_lies():
 
 
 FAILURES = [  # what goes wrong, and the way back
+    ("give", m.FETCH, ["occupied", "away"], [m.RETREAT, m.DONE]),
     ("give", m.APPROACH, ["lost", "away"], [m.RETREAT, m.DONE]),
     ("give", m.WAIT, ["lost", "away"], [m.RETREAT, m.DONE]),
     ("give", m.PRESENT, ["left", "arrived"], [m.APPROACH, m.PRESENT]),

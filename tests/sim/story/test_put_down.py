@@ -303,6 +303,28 @@ def test_places_are_poses_its_own_first(setup):
         _checked_places(np.zeros(3))
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_who_stands_where_the_object_is_to_be_fetched_is_told(setup, there):
+    human = handover.Human().placed(3.0, 0.0, np.pi)
+    if there:
+        T = human.T_world_pelvis.copy()
+        T[:3, 3] = setup.T_place[:3, 3]
+        human = human.moved(T)
+    settings = sim.StorySettings(fetch_s=0.3)
+    story = new_story(setup, settings, human, fetch=True)
+    assert story.state == "fetch"
+    if not there:  # it is kept from it by something else
+        story.executor.advance = lambda: None
+    for k in range(45):
+        at = dict(T_base_object=setup.T_place)
+        story.update(sim.StoryFrame(k / 100, human, np.zeros(6), True, False, **at))
+        if story.events:
+            break
+    event = story.events[0]
+    assert event.signal == ("occupied" if there else "late") and event.failure
+    assert ("somebody stood" in event.reason) == there
+
+
 def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(setup):
     known = asdict(sim.StorySettings(direction="receive", fetch_s=12.0))
     for name in ("place_s", "again_s", "put_down_s"):
