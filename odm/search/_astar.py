@@ -23,7 +23,7 @@ from odm.search._bound import (
     recent_bound,
     remember_path,
 )
-from odm.search._invalidation import refresh
+from odm.search._invalidation import refresh, tests_worth_refreshing
 from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, item_free
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
@@ -33,11 +33,6 @@ from roadmap.jit_options import INNER
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
-# cell lists compared before the direct map decides all items: as long as that takes,
-MANY_TESTS = 1000  # in maps of up to ITEMS nodes and edges, and more in larger ones
-RECENT = 2  # frames in which its counts change little
-RECENT_TESTS = 700  # cell lists compared before it does so then
-ITEMS = 50_000
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
@@ -344,7 +339,7 @@ def a_star(state, starts, only):
     numbers.run[0] += 1
     numbers.exhausted[0] = START_SIDE
     stats.runs[0] += 1
-    run, frame = numbers.run[0], numbers.frame[0]
+    run = numbers.run[0]
     n = view(state, "graph").adj_ptr.shape[0] - 1
     h = view(state, "robot_state").h_any if only < 0 else goals.h[only]
     low, high = (0, goals.count[0]) if only < 0 else (only, only + 1)
@@ -352,9 +347,7 @@ def a_star(state, starts, only):
     numbers.avoid_history[0] = 1 if avoid_history else 0
     add_starts(state, starts, h, low, high)
     search.tail[0] = NOT_BEGUN
-    is_recent = frame - view(state, "direct").frame[0] <= RECENT
-    many = RECENT_TESTS if is_recent else MANY_TESTS
-    many = max(many, many * search.memo.shape[0] // ITEMS)
+    many = tests_worth_refreshing(state)
     bound = math.inf  # no longer path is of interest
     popped, greed, large = 0, 1.0, view(state, "rules").large[0]
     while search.waiting[0] > 0:

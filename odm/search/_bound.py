@@ -16,6 +16,7 @@ import math
 import numpy as np
 from numba import njit
 
+from odm.search._invalidation import refresh, tests_worth_refreshing
 from odm.search._items import (
     BLOCKED,
     FREE,
@@ -40,6 +41,8 @@ BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
 N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
 # of a search without a path: `done`, or `flood`, tells all that is reached from there
 START_SIDE, GOAL_SIDE = 1, 2
+# of no motion that leaves the start, or enters the goal, is free: nothing was searched
+START_SHUT, GOAL_SHUT = 3, 4
 MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 
@@ -353,6 +356,10 @@ def nothing_opened(state, starts, g, h):
     asks = view(state, "rules").close_test_connections[0] > 0
     # where cells leave no path, a search asks the close test of all motions
     asks_all = asks and is_by_close_test(state, starts, g)
+    stats = view(state, "stats")
+    if stats.counted[0] == 0 and proof.count[N_ITEMS] > tests_worth_refreshing(state):
+        refresh(state)
+        stats.counted[0] = 1
     proof.count[SOUGHT] += 1
     search.made[0] = 0
     opened = False

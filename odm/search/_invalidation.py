@@ -8,16 +8,33 @@ from odm.obstacles._cloud import N_OCCUPIED
 from odm.search._state import view
 from roadmap.jit_options import INNER, LEAN
 
+# cell lists compared before the direct map decides all items: as long as that takes,
+MANY_TESTS = 1000  # in maps of up to ITEMS nodes and edges, and more in larger ones
+RECENT = 2  # frames in which its counts change little
+RECENT_TESTS = 700  # cell lists compared before it does so then
+ITEMS = 50_000
+# an entry of a block that has changed takes so many times as long as one counted afresh
+CHANGE_COSTS = 2
+
 
 @njit(**INNER)
 def update_hits(direct, graph, cloud, frame):
-    """Bring the counts up to the frame's words; only changed blocks are read."""
+    """Bring the counts up to the frame's words; only changed blocks are read.
+
+    Where most have changed, all are counted afresh: that takes less.
+    """
     direct.frame[0] = frame
-    if direct.listed[direct.listed.shape[0] - 1] == 0:
-        count_afresh(direct, graph, cloud)
-        return
     listed = direct.listed
     last = listed.shape[0] - 1
+    if is_other(direct, cloud):
+        for k in range(listed[last]):
+            direct.seen[listed[k]] = 0
+        for i in range(direct.hits.shape[0]):
+            direct.hits[i] = 0
+        listed[last] = 0
+    if listed[last] == 0:
+        count_afresh(direct, graph, cloud)
+        return
     kept = 0
     for k in range(listed[last]):
         b = listed[k]
@@ -33,6 +50,23 @@ def update_hits(direct, graph, cloud, frame):
             listed[kept] = b
             kept += 1
     listed[last] = kept
+
+
+@njit(**INNER)
+def is_other(direct, cloud):
+    """Return True where counting afresh takes less than counting what has changed."""
+    ptr, listed = direct.ptr, direct.listed
+    changed = whole = 0
+    for k in range(listed[listed.shape[0] - 1]):
+        b = listed[k]
+        if cloud.words[b] != direct.seen[b]:
+            changed += ptr[b + 1] - ptr[b]
+    for k in range(cloud.counts[N_OCCUPIED]):
+        b = cloud.occupied[k]
+        whole += ptr[b + 1] - ptr[b]
+        if direct.seen[b] == 0:
+            changed += ptr[b + 1] - ptr[b]
+    return CHANGE_COSTS * changed > whole + direct.hits.shape[0]
 
 
 @njit(**INNER)
@@ -92,6 +126,14 @@ def count_item(direct, item, step):
         return False
     direct.bits[item >> 6] ^= np.uint64(1) << np.uint64(item & 63)
     return True
+
+
+@njit(**INNER)
+def tests_worth_refreshing(state):
+    """Return how many cell lists are compared in the time that `refresh` takes."""
+    ago = view(state, "numbers").frame[0] - view(state, "direct").frame[0]
+    many = RECENT_TESTS if ago <= RECENT else MANY_TESTS
+    return max(many, many * view(state, "search").memo.shape[0] // ITEMS)
 
 
 @njit(**LEAN)

@@ -39,7 +39,7 @@ _SIZES = {
     "item_entries": 1_000_000,
     "shortcuts": 8192,
     "earlier": 8,
-    "proof": 1024,
+    "proof": 16384,
     "branches": 2048,
     "route": 256,
     "found": 4,

@@ -14,8 +14,8 @@ from odm.search._astar import (
     GREED,
     GREEDY_AFTER,
     LARGE,
-    MANY_TESTS,
 )
+from odm.search._invalidation import MANY_TESTS
 from roadmap.kinematics.forward import tool_pose
 
 NO_MOTION = -4
