@@ -7,7 +7,7 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement, set_point
-from odm.search._bound import GOAL_SHUT, GOAL_SIDE, START_SHUT, START_SIDE
+from odm.search._bound import GOAL_SIDE, START_SIDE
 from odm.search._items import item_free
 from odm.search._judge import close_free, stands_free
 from odm.search._state import view
@@ -130,19 +130,14 @@ def leads_on(state, v, of_start):
 
     A search that has no path knows all that is reached from the start, or from the
     goal. A motion helps where it joins what the one reaches with what it does not.
-    Where one of them can go nowhere only motions of its own help.
     """
     numbers, search = view(state, "numbers"), view(state, "search")
     side, run = numbers.exhausted[0], numbers.run[0]
-    if side == START_SHUT:
-        return of_start
     if side == START_SIDE:
         return (search.done[v] == run) != of_start
-    if view(state, "goals").count[0] > 1:
-        return True
-    if side == GOAL_SHUT:
-        return not of_start
-    return side != GOAL_SIDE or (search.flood[v] == run) == of_start
+    if side == GOAL_SIDE and view(state, "goals").count[0] == 1:
+        return (search.flood[v] == run) == of_start
+    return True
 
 
 @njit(**INNER)

@@ -41,8 +41,6 @@ BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
 N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
 # of a search without a path: `done`, or `flood`, tells all that is reached from there
 START_SIDE, GOAL_SIDE = 1, 2
-# of no motion that leaves the start, or enters the goal, is free: nothing was searched
-START_SHUT, GOAL_SHUT = 3, 4
 MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 

@@ -20,10 +20,8 @@ from odm.obstacles._solid_samples import (
 )
 from odm.search._astar import a_star
 from odm.search._bound import (
-    GOAL_SHUT,
     NO_WAY,
     SHORTEST,
-    START_SHUT,
     forget_proof,
     keep_proof,
     what_holds,
@@ -197,11 +195,8 @@ def plan(state, starts, start_vertex, most, last):
             if offered == HOPELESS:
                 return False
             if offered == NO_ENTRY:
-                if goals.count[0] == 1:
-                    view(state, "numbers").exhausted[0] = GOAL_SHUT
                 continue
             if offered == NO_EXIT:
-                view(state, "numbers").exhausted[0] = START_SHUT
                 leaves = False
                 continue
             any_start = True

@@ -406,8 +406,7 @@ class Numbers(NamedTuple):
     # 1: this search avoids recent cells, 2: no more
     avoid_history: np.ndarray = array("i8", "1", FRAME)
     where: np.ndarray = array("i8", "1", FRAME)  # segment that q is on, -1: none
-    # START_SIDE, GOAL_SIDE: all that it leads to is known to the last search;
-    # START_SHUT, GOAL_SHUT: it leads to nothing in this frame; else 0
+    # START_SIDE, GOAL_SIDE: all that it leads to is known to the last search; else 0
     exhausted: np.ndarray = array("i8", "1", FRAME)
     rest: np.ndarray = array("i8", "1", GOAL)  # 1: the rest of the path is free
     off_path: np.ndarray = array("i8", "1", GOAL)  # 1: q is off its segment
