@@ -60,7 +60,6 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
-_GRIP = 2  # the step of a fetch in which the fingers close
 _HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
@@ -438,9 +437,11 @@ class Handover:
 
     def _has_left(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
+        return self.view.phase is not None and self._is_clear_of(obj)
+
+    def _is_clear_of(self, obj: np.ndarray) -> bool:
+        """Whether the robot keeps its clearance from an object (k, 7)."""
         robot, planner = self.planner.static.robot, self.planner
-        if self.view.phase is None:
-            return False
         balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         return bool(ball_gaps(balls, obj).min() > planner.keep)
 
@@ -926,7 +927,7 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "hindered", "under_way")
+        late = signal in ("late", "occupied", "hindered", "under_way")
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()
@@ -952,15 +953,15 @@ class Handover:
         step = self._step
         if self._driven_off(seen.frame):
             self.fingers = OPEN  # to above the object, and down anew
-            self._begin_steps(self._steps)
+            self._begin_steps([s for s in self._steps if s.kind != "back"])
             step = self._step
         if self.state == table.PUT_DOWN:
             self._give_up_place(seen)
             step = self._step
-        elif self.state == table.FETCH and self._at == 0 and step.kind == "goal":
-            if "blocked" in self._signalled:
+        elif self.state == table.FETCH and step.kind == "goal":
+            if "blocked" in self._signalled and not self._back_off(seen):
                 self._reach_otherwise()
-                step = self._step
+            step = self._step
         if self._begun is None:
             self._begun = self._now
         if step.kind == "targets":
@@ -989,8 +990,26 @@ class Handover:
     def _driven_off(self, frame: StoryFrame) -> bool:
         """Whether somebody made it leave what it was about to fetch, its hand empty."""
         leaves = self.executor.state == RETREATING and not self.executor.at_rest
-        down = self.state == table.FETCH and 0 < self._at <= _GRIP
+        down = self.state == table.FETCH and self._step.kind in ("line", "grip")
         return leaves and down and not frame.holds
+
+    def _back_off(self, seen: _Seen) -> bool:
+        """Begin to back out of where it touches the object; False: it is clear of it.
+
+        Who was driven off while it came down to the object may stand against it, where
+        no path of the planner's begins.
+        """
+        obj = self._object_rows(seen.frame)
+        if obj is None or self._is_clear_of(obj):
+            return False
+        q = self.executor.set_point.q
+        T = tool_pose(self.planner.robot, q)
+        back = straight_back(self.planner, T, q, self.settings.back)
+        if back is None:
+            return False
+        self._begin_steps([Step("back", back), *self._steps[self._at :]])
+        self._signalled = self._signalled - {"blocked"}  # the step before was
+        return True
 
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
         """Go to the best target."""

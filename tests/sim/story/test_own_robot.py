@@ -138,6 +138,38 @@ def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatc
     assert story.fingers == "open" and story._at == 0
 
 
+@pytest.mark.parametrize("beside", [True, False])
+def test_who_was_driven_off_against_the_object_backs_out_first(
+    maps, monkeypatch, beside
+):
+    """No path begins there: it stood until the time was out."""
+    index = maps[2]
+    story, human = story_of(maps)
+    back = story.settings.back
+    low = next(
+        k
+        for k, (T, q) in enumerate(zip(index.T_base_tool, index.nodes, strict=True))
+        if straight_back(story.planner, T, q, back) is not None
+    )
+    story, human = story_of(maps, node=low, before=0.0, blocked_s=0.05)
+    story.machine = Machine(TABLES["give"], FETCH)
+    story.holding, story.fingers = False, "open"
+    q = story.executor.set_point.q
+    T = tool_pose(story.planner.robot, q) @ story._T_tool_object
+    if not beside:
+        T = pose_of((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)) @ T
+    story._steps = [Step("goal", [q + 0.1]), Step("line", q), Step("grip", "closed")]
+    monkeypatch.setattr(type(story), "_is_blocked", lambda self: self._at == 0)
+    monkeypatch.setattr(story, "_reach_otherwise", lambda: False)
+    kinds = []
+    for k in range(12):
+        seen = dict(wrench=pulled(0.0), opened=True, T_base_object=T)
+        story.update(sim.StoryFrame(PERIOD * k, human, **seen))
+        kinds.append([step.kind for step in story._steps])
+    assert kinds[0] == ["goal", "line", "grip"]
+    assert (kinds[-1] == ["back", "goal", "line", "grip"]) == beside
+
+
 def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     story, human = story_of(maps, blocked_s=0.05)
     index = story.targets.finder.index
