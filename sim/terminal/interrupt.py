@@ -12,7 +12,7 @@ for its threads. So the signal is heard twice:
    still there after `GRACE` seconds, it removes what is unfinished and ends it.
 
 A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
-milliseconds. A command that makes use of what it has so far asks for `patience`.
+milliseconds. In llvmlite, `_OWNING`, it is not raised either. A command that makes use of what it has so far asks for `patience`.
 
 A program that was started with SIGINT ignored (nohup) keeps ignoring it. Before
 `listen` is called, in the first hundredths of a second, Ctrl-C is Python's own. Nothing
@@ -28,7 +28,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import _exit
 from sys import _current_frames
-from types import FrameType
+from types import CodeType, FrameType
 
 EXIT_CODE = 130
 SENTENCE = "odm: interrupted; nothing half-written was left behind"
@@ -42,6 +42,9 @@ _WHOLE = (
     ("<frozen importlib._bootstrap_external>", "_write_atomic"),
     ("roadmap/unfinished.py", "put"),  # the old map goes, the new one comes
 )
+# where it is not raised: between a call that hands memory over and the line that notes
+# its new owner, both would free it, and the process would crash
+_OWNING = "/llvmlite/binding/"
 
 
 class _Listener:
@@ -67,7 +70,7 @@ class _Listener:
         self.noted = True
         if self._raised_at is not None:
             self._hurry |= time.monotonic() - self._raised_at > _SECOND
-        elif not _is_whole(frame):
+        elif not _is_whole(frame) and not _is_owning(frame):
             self._raised_at = time.monotonic()
             if not self.raising:  # nothing was begun, or all is done
                 self.end()
@@ -205,10 +208,19 @@ def _remove_unfinished() -> None:
 
 def _is_whole(frame: FrameType | None) -> bool:
     """Return whether a stack is inside a function that must not be cut in two."""
+    return any(
+        code.co_name == name and code.co_filename.endswith(file)
+        for code in _codes(frame)
+        for file, name in _WHOLE
+    )
+
+
+def _is_owning(frame: FrameType | None) -> bool:
+    """Return whether a stack is inside llvmlite, see `_OWNING`."""
+    return any(_OWNING in code.co_filename for code in _codes(frame))
+
+
+def _codes(frame: FrameType | None) -> Iterator[CodeType]:
     while frame is not None:
-        code = frame.f_code
-        for file, name in _WHOLE:
-            if code.co_name == name and code.co_filename.endswith(file):
-                return True
+        yield frame.f_code
         frame = frame.f_back
-    return False

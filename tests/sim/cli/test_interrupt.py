@@ -120,6 +120,24 @@ interrupt._current_frames = look
 with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     stay()
 """
+HANDING_OVER = """
+from llvmlite import binding
+library = binding.ffi.lib
+link = library.LLVMPY_LinkModules
+def linked(*modules):  # from here on one of them owns the other, and nobody knows yet
+    code = link(*modules)
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        print("cut in two", flush=True)
+        raise
+    return code
+with interrupt.interruptible():
+    import numba
+    library._fntab["LLVMPY_LinkModules"] = linked
+    numba.njit(lambda x: x + 1)(1)
+    time.sleep(60)
+"""
 PATIENT = """
 with interrupt.interruptible(), interrupt.patience(20.0):
     try:
@@ -175,6 +193,13 @@ def test_between_two_maps_there_is_always_one(tmp_path):
         assert end(process)[0] == 130
     assert [p.name for p in tmp_path.iterdir()] == ["map"]
     assert [p.name for p in (tmp_path / "map").iterdir()] == ["new"]
+
+
+def test_memory_that_is_being_handed_over_is_not_freed_twice(tmp_path):
+    with started(["-c", HEAD + HANDING_OVER], tmp_path) as process:
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and err.count("interrupted") == 1, err
+    assert not out
 
 
 def test_what_was_found_so_far_may_still_be_told(tmp_path):
