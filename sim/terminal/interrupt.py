@@ -12,7 +12,8 @@ for its threads. So the signal is heard twice:
    still there after `GRACE` seconds, it removes what is unfinished and ends it.
 
 A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
-milliseconds. In llvmlite, `_OWNING`, it is not raised either. A command that makes use of what it has so far asks for `patience`.
+milliseconds. In llvmlite, `_OWNING`, it is not raised either. A command that makes use
+of what it has so far asks for `patience`.
 
 A program that was started with SIGINT ignored (nohup) keeps ignoring it. Before
 `listen` is called, in the first hundredths of a second, Ctrl-C is Python's own. Nothing
