@@ -17,6 +17,7 @@ import numpy as np
 from odm.answer import HOLDING, Answer
 from odm.audit.sequence_judge import SHAPES, SPACING, Judge, Verdict, World
 from odm.cell_map.cell_map import CellMap
+from odm.cell_map.recipe import PayloadRecipe
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import sample_capsules, surface_of
@@ -351,9 +352,7 @@ class Sequence:
             self.planner.detach()
             self.world.held = None
         else:
-            center = layer.spheres[0, :3]
-            radius = 0.5 * float(layer.spheres[:, 3].max()) * self.rng.random()
-            held = np.array([[*center, radius + 0.01]])
+            held = _drawn_inside(layer.recipe, self.rng)
             self.planner.attach(held)
             self.world.held = held
         self.judge.changed()
@@ -481,3 +480,20 @@ def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
         certificates = planner.memory.certificates
         path.q[at] = certificates.begin[at] = q
         certificates.end[at] = path.q[at + 1]
+
+
+def _drawn_inside(envelope: PayloadRecipe, rng: np.random.Generator) -> np.ndarray:
+    """Return spheres (n, 4) of an object that the payload envelope contains [m].
+
+    In a box they reach from end to end of its longest side.
+    """
+    sides = np.array(envelope.size or [2.0 * envelope.radius] * 3)
+    room = 0.5 * sides.min()
+    radius = min(room, 0.5 * room * rng.random() + 0.01)
+    along = np.zeros((1, 3))
+    if envelope.size:
+        ends = np.linspace(radius, sides.max() - radius, 5) - 0.5 * sides.max()
+        along = ends[:, None] * (np.arange(3) == sides.argmax())
+    T = pose_of(envelope.position, envelope.rpy)
+    centers = along @ T[:3, :3].T + T[:3, 3]
+    return np.column_stack([centers, np.full(len(centers), radius)])

@@ -1,6 +1,7 @@
 """A planner that lives long answers what one that was just made would allow."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from odm.audit.sequence_audit import audit_sequences, run_sequence
 from odm.audit.sequence_judge import Judge, solid_of
 from odm.audit.sequences import EVENTS, Sequence
+from odm.cell_map.recipe import PayloadRecipe
 from roadmap.errors import BadInput
 
 ORDINARY = sorted(set(EVENTS) - {"grow"})
@@ -87,6 +89,19 @@ def test_each_event_can_happen_at_any_time(carrying_map, judge):
         life.happen(name)
         verdict = life.frame().verdict
         assert verdict is None or not verdict.wrong, (name, verdict.wrong)
+
+
+def test_what_is_carried_fits_a_box_shaped_envelope_that_is_thin(carrying_map):
+    layer = carrying_map.payload
+    thin = PayloadRecipe(size=(0.03, 0.15, 0.03), position=layer.recipe.position)
+    thin_map = replace(carrying_map, payload=replace(layer, recipe=thin))
+    judge = Judge(thin_map)
+    for seed in range(8):
+        life = Sequence(thin_map, seed, judge)
+        life.happen("hand")
+        verdict = life.frame().verdict
+        assert life.world.held is not None
+        assert verdict is None or not verdict.wrong, verdict.wrong
 
 
 def test_the_same_seed_gives_the_same_report(carrying_map, judge):
