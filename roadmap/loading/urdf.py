@@ -16,6 +16,7 @@ from roadmap.robot.robot import Robot
 from roadmap.robot.srdf import read_disabled_pairs
 
 _COARSEST = 1.0  # [m] excess of a cover that nobody uses
+_AN_ARM = 3  # moving joints of what may be meant to carry a hand, at least
 
 
 def load_robot(
@@ -146,9 +147,24 @@ def _tip(description: Description, tip: str | None, locked: Mapping) -> str:
     longest = max(lengths.values())
     candidates = [leaf for leaf, length in lengths.items() if length == longest]
     if len(candidates) > 1:
+        hand = _hand_of(description, candidates)
+        shared = "" if hand is None else f"{hand}, which carries all of these: "
         raise BadRobot(
             f"the tool is not clear: {len(candidates)} chains are equally long; name "
-            f"the tool's link, tip (--tip): {', '.join(candidates)}, or any other; the "
-            "joints between the root and it will move"
+            f"the tool's link, tip (--tip): {shared}{', '.join(candidates)}, or any "
+            "other; the joints between the root and it will move"
         )
     return candidates[0]
+
+
+def _hand_of(description: Description, fingers: Sequence[str]) -> str | None:
+    """Return the last link that carries all of some links that move on it.
+
+    None: they do not, as tool frames, or it hardly moves, as the trunk of two arms.
+    """
+    paths = [description.path(finger) for finger in fingers]
+    same = zip(*paths, strict=False)  # joint by joint from the root, till one ends
+    shared = [joints[0] for joints in same if len({j.name for j in joints}) == 1]
+    moving = [joint for joint in shared if joint.kind in MOVABLE]
+    more = any(j.kind in MOVABLE for path in paths for j in path[len(shared) :])
+    return shared[-1].child if more and len(moving) >= _AN_ARM else None

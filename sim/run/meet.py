@@ -1,7 +1,11 @@
 """A run to the best reachable hand-over target of a moving person, frame by frame."""
 
 import gc
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -240,16 +244,33 @@ class MeetTask:
 
 
 def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
-    """Return the robot's reach map; one that was not named is built where missing."""
-    if folder is None:
-        folder = REACH_MAPS / robot.name
+    """Return the robot's reach map; one that was not named is built where missing.
+
+    Robots of one name may have another tool, or other joints: each gets a folder.
+    """
+    if folder is not None:
+        reach = load_reach_map(folder)
+        check_same_robot(reach, robot)
+        return reach
+    for name in _folder_names(robot):
+        folder = REACH_MAPS / name
         check_reach_folder(folder)
         if not folder.exists():
-            print(f"no reach map of {robot.name} yet: building it into {folder}")
+            told = f"no reach map of {robot.name} yet: building it into {folder}"
+            print(told, file=sys.stderr)  # what is asked for may be JSON
             build_reach_map(chain_of(robot), progress=tell).save(folder)
-    reach = load_reach_map(folder)
-    check_same_robot(reach, robot)
+        reach = load_reach_map(folder)
+        with suppress(BadInput):
+            check_same_robot(reach, robot)
+            break
     return reach
+
+
+def _folder_names(robot: Robot) -> Iterator[str]:
+    yield robot.name
+    own = f"{robot.name}_{robot.tip_name}".replace("/", "_")
+    yield own
+    yield from (f"{own}_{k}" for k in count(2))
 
 
 def judge_sometimes(

@@ -1,6 +1,7 @@
 """Robots that cannot be used are refused with one sentence, a PlanningError."""
 
 import importlib.util
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,6 +80,20 @@ def test_an_unclear_tip_lists_the_candidates(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL)
     body += joint("j", "revolute", "base", "a") + joint("k", "revolute", "base", "b")
     refuses(urdf(body), "tip .--tip.: a, b, or any other")
+
+
+def test_an_unclear_tip_names_the_hand_of_fingers_first(urdf, link, joint):
+    arm = [link(name, BALL) for name in ("base", "a", "b", "c", "hand", "f", "g")]
+    chain = ["base", "a", "b", "c"]
+    for k, (parent, child) in enumerate(pairwise(chain)):
+        arm.append(joint(f"j{k}", "revolute", parent, child))
+    arm.append(joint("mount", "fixed", "c", "hand"))
+    for kind, told in (
+        ("revolute", "hand, which carries all of these: f"),
+        ("fixed", "f, g"),
+    ):
+        fingers = [joint(f"to_{name}", kind, "hand", name) for name in "fg"]
+        refuses(urdf("".join(arm + fingers)), f"tip .--tip.: {told}")
 
 
 def test_locking_what_cannot_be_locked_is_refused(arm, gantry, urdf, link, joint):

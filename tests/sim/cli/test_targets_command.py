@@ -1,6 +1,7 @@
 """`odm run --targets meet`: to the best reachable target of a moving person."""
 
 import json
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -9,6 +10,7 @@ from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.targets.live_targets import THERE, WITHDRAWN
+from odm import load_map
 from roadmap.kinematics.forward import difference
 from sim.loop.loop import LoopSettings, run_frames
 from sim.run.meet import MeetTask
@@ -171,12 +173,39 @@ def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch
 
     monkeypatch.setattr(meet, "build_reach_map", quick)
     words = ["run", "--map", built[0], "--targets", "meet", "--seconds", "0.5"]
+    words += ["--json"]
     code, out, err = odm(*words)
     assert code == 0, err
-    assert "building it into" in out
+    assert "building it into" in err and json.loads(out)
     assert (tmp_path / "maps/built/reach/kawasaki_fs003n/manifest.json").is_file()
-    code, out, _ = odm(*words)
-    assert code == 0 and "building" not in out
+    code, _, err = odm(*words)
+    assert code == 0 and "building" not in err
+
+
+def test_robots_of_one_name_each_get_a_reach_map(built, tmp_path, monkeypatch):
+    from sim.run import meet
+
+    robot = load_map(built[0]).robot
+
+    monkeypatch.chdir(tmp_path)
+    few = ReachSettings(cell=0.15, rotations=72, samples=20_000)
+    made = []
+
+    def quick(chain, progress):
+        made.append(chain)
+        return build_reach_map(chain, few, progress=progress)
+
+    monkeypatch.setattr(meet, "build_reach_map", quick)
+    robots = [robot]
+    for length in (0.1, 0.2):
+        T_body_tip = robot.T_body_tip.copy()
+        T_body_tip[2, 3] += length
+        robots.append(replace(robot, T_body_tip=T_body_tip))
+    for _ in range(2):
+        for each in robots:
+            reach = meet.reach_map_of(each, None, lambda *progress: None)
+            meet.check_same_robot(reach, each)
+    assert len(made) == 3 == len(list((tmp_path / "maps/built/reach").iterdir()))
 
 
 def test_shares_count_each_verdict_once():
