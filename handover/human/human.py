@@ -40,6 +40,8 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, rotation_rpy
 
+_ROUNDING = 1e-15  # by which the length of a direction is off 1
+
 
 @dataclass(frozen=True, eq=False)
 class Human:
@@ -333,7 +335,9 @@ def _direction(gaze: np.ndarray | None) -> np.ndarray | None:
             f"a gaze of {gaze.tolist()} is no direction; give (3,) numbers, not "
             "all zero, or None where it is not known"
         )
-    return frozen(gaze / length, np.float64)
+    if abs(length - 1.0) > _ROUNDING:  # else it would not stay the same to the bit
+        gaze = gaze / length
+    return frozen(gaze, np.float64)
 
 
 def _inverse(T: np.ndarray) -> np.ndarray:

@@ -38,7 +38,8 @@ class ReplayRequest:
     )
     reach: Path | None = flag(
         None,
-        "Its reach map, of a hand-over; default: maps/built/reach/ROBOT.",
+        "Its reach map, of a hand-over or a run to targets; default: "
+        "maps/built/reach/ROBOT.",
         metavar="DIR",
     )
     json: Json = None
@@ -211,7 +212,27 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     if "story" in found.head:
         _repeat_story(found, path, cell_map, request)
         return
-    _repeat(found, path, cell_map, request)
+    if "targets" in found.head:
+        _repeat_targets(found, path, cell_map, request)
+        return
+    from sim.record import run_again
+
+    with Bars() as tell:
+        again = run_again(found, cell_map, tell)
+    _compare(found, again, path, request)
+
+
+def _repeat_targets(
+    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
+) -> None:
+    """Let a robot meet the recorded person again."""
+    from sim.run.meet import reach_map_of
+    from sim.run.meet_record import targets_again
+
+    with Bars() as tell:
+        reach = reach_map_of(cell_map.robot, request.reach, tell)
+        again = targets_again(found, cell_map, reach, tell)
+    _compare(found, again, path, request)
 
 
 def _repeat_story(
@@ -266,13 +287,12 @@ def _repeat_cycle(
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
 
 
-def _repeat(
-    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
+def _compare(
+    found: "RunRecord", again: "RunRecord", path: Path, request: ReplayRequest
 ) -> None:
-    from sim.record import first_difference, run_again, write_record
+    """Tell whether a replay is the recorded run; write what was asked for."""
+    from sim.record import first_difference, write_record
 
-    with Bars() as tell:
-        again = run_again(found, cell_map, tell)
     if request.record is not None:
         write_record(again, request.record)
     quiet = request.json == "-"

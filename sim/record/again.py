@@ -35,13 +35,18 @@ class RecordedPerson:
         self.record, self.name = record, motion["name"]
         self.max_speed, self.notes = motion["max_speed"], tuple(motion["notes"])
         if "guess" in record.arrays:
-            self.guess = lambda t: self.record.person("guess", self._frame(t))
+            self.guess = lambda t: self.record.person("guess", self.frame_at(t))
 
     def capsules(self, t: float) -> np.ndarray:
         """Return the (k, 7) capsules of the frame at time `t` [s], in m."""
-        return self.record.person("capsules", self._frame(t))
+        return self.record.person("capsules", self.frame_at(t))
 
-    def _frame(self, t: float) -> int:
+    def frame_at(self, t: float) -> int:
+        """Return the number of the frame at time `t` [s].
+
+        Raises:
+            BadInput: There is none.
+        """
         frame = round(t * self.record.rate_hz)
         if not 0 <= frame < self.record.frames:
             last = self.record.arrays["time_s"][-1]
@@ -142,7 +147,7 @@ def build_again(
 
 def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
     head = record.head
-    asked = _known(PlannerSettings, head["planner"]["settings"])
+    asked = known(PlannerSettings, head["planner"]["settings"])
     planner = ReactivePlanner(cell_map, head["planner"]["always_replan"], asked)
     nobody, robot = head["motion"]["name"] == NOBODY, planner.robot
     if "payload" in record.arrays:
@@ -154,11 +159,16 @@ def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
         robot,
         record.arrays["places"],
         None if nobody else RecordedPerson(record),
-        _known(LoopSettings, head["settings"]),
+        known(LoopSettings, head["settings"]),
     )
 
 
-def _known(kind: type, table: dict) -> object:
+def known(kind: type, table: dict) -> object:
+    """Return settings of a kind from a recording.
+
+    Raises:
+        BadRecord: One of them is unknown here.
+    """
     unknown = sorted(set(table) - {f.name for f in fields(kind)})
     if unknown:
         raise BadRecord(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.record.run_record import OUTCOME, RunRecord
+from sim.record.run_record import OUTCOME, TARGET_OUTCOME, RunRecord
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ def first_difference(was: RunRecord, now: RunRecord) -> Difference | None:
     Numbers are compared as bytes.
     """
     n = min(was.frames, now.frames)
-    unlike = {name: _unlike(was.arrays[name], now.arrays[name], n) for name in OUTCOME}
+    names = [*OUTCOME, *(name for name in TARGET_OUTCOME if name in was.arrays)]
+    unlike = {name: _unlike(was.arrays[name], now.arrays[name], n) for name in names}
     some = np.any(list(unlike.values()), axis=0)
     if some.any():
         frame = int(some.argmax())

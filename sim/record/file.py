@@ -14,7 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from sim.record.record_check import BadRecord, check_arrays
-from sim.record.run_record import FORMAT, INPUTS, STORY, RunRecord
+from sim.record.run_record import FORMAT, INPUTS, TARGETS, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
 from sim.terminal.output import write_whole
 
@@ -70,7 +70,7 @@ def read_record(path: str | Path) -> RunRecord:
         raise BadRecord(
             f"{path} lacks {error} or holds it in a wrong form; record the run again"
         ) from error
-    given = ("robot.", "story.")
+    given = ("robot.", "story.", "person.")
     spoiled = [n for n in altered if n in INPUTS or n.startswith(given)]
     if spoiled:
         raise BadRecord(
@@ -136,13 +136,13 @@ def _head(path: str | Path, text: bytes) -> dict:
         raise BadRecord(
             f"the {HEAD} of {path} cannot be read ({error}); record the run again"
         ) from error
-    if version not in range(FORMAT, STORY + 1):
+    if version not in range(FORMAT, TARGETS + 1):
         remedy = "record the run again"
-        if isinstance(version, int) and version > STORY:
+        if isinstance(version, int) and version > TARGETS:
             remedy = "update odm-planner"
         raise BadRecord(
             f"{path} has the recording format {version}, but this program reads "
-            f"{FORMAT} to {STORY}; {remedy}"
+            f"{FORMAT} to {TARGETS}; {remedy}"
         )
     if written != _body_hash(head):
         raise BadRecord(

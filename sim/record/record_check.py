@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.loop.recording import BadRecording
-from sim.record.run_record import OUTCOME
+from sim.record.run_record import OUTCOME, TARGET_OUTCOME
 
 
 class BadRecord(BadRecording):
@@ -38,6 +38,8 @@ def check_arrays(path: str | Path, head: dict, arrays: dict[str, np.ndarray]) ->
             _person(path, name, arrays, n)
     if "payload" in arrays:
         _payload(path, arrays["payload"])
+    if "targets" in head:
+        _targets(path, arrays, n)
     for name in ("places", "capsules", "guess"):
         if name in arrays and not np.isfinite(arrays[name]).all():
             raise BadRecord(f"{name} of {path} holds NaN or infinity; record again")
@@ -49,6 +51,27 @@ def _payload(path: object, spheres: np.ndarray) -> None:
         raise BadRecord(
             f"the payload of {path} must be spheres (n, 4) with radii above 0, not "
             f"{spheres.tolist()}; record again"
+        )
+
+
+def _targets(path: object, arrays: dict[str, np.ndarray], n: int) -> None:
+    """Refuse targets, or a person, that are none; see `sim.run.meet_record`."""
+    person = {"pelvis": (4, 4), "bend": (3,), "arms": (2, 7), "gaze": (3,)}
+    shapes = {f"person.{name}": shape for name, shape in person.items()}
+    shapes |= dict.fromkeys(TARGET_OUTCOME, ())
+    body = [name for name in arrays if name.startswith("person.body.")]
+    shapes |= {name: arrays[name].shape[1:] for name in body}
+    for name, shape in shapes.items():
+        _shape(path, name, arrays[name], n, shape)
+        if name != "person.gaze" and not np.isfinite(arrays[name]).all():
+            raise BadRecord(f"{name} of {path} holds NaN or infinity; record again")
+    shown, ends = arrays["targets.shown"], arrays["targets.shown_at"]
+    sound = shown.ndim == 2 and shown.shape[1] == 5 and ends.ndim == 1 and len(ends) > 1
+    sound = sound and ends.dtype.kind == "i" and ends[0] == 0 and ends[-1] == len(shown)
+    if not sound or (np.diff(ends) < 0).any():
+        raise BadRecord(
+            f"targets.shown_at of {path} must ascend from 0 to the number of rows of "
+            f"targets.shown, {len(shown)}, and these have 5 columns; record again"
         )
 
 

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import BRAKED, MOVING, RETREATING, SLOWED, STANDING
+from roadmap import unfinished
 from roadmap.errors import BadInput
-from roadmap.unfinished import beside
 from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
 from sim.record.file import write_record
@@ -92,17 +93,42 @@ class Column:
         return np.concatenate([b.reshape(-1, width) for b in blocks]), offsets
 
 
+class Beside(Protocol):
+    """What is recorded beside the run itself, such as its targets.
+
+    Attributes:
+        format: The oldest format that holds it.
+    """
+
+    format: int
+
+    def add(self, frame: Frame) -> None:
+        """Take one frame."""
+        ...
+
+    def head(self) -> dict:
+        """Return plain data for the head of the recording."""
+        ...
+
+    def arrays(self, n: int) -> dict[str, np.ndarray]:
+        """Return the arrays of the first `n` frames."""
+        ...
+
+
 class Recorder:
     """Takes the frames of a loop; about 300 bytes each and 56 for every capsule.
 
     Args:
         loop: The loop; not begun.
         cell_map: The planner's map.
+        beside: What else is recorded; None: nothing.
     """
 
-    def __init__(self, loop: Loop, cell_map: CellMap) -> None:
+    def __init__(
+        self, loop: Loop, cell_map: CellMap, beside: Beside | None = None
+    ) -> None:
         """Hold no frame yet."""
-        self.loop, self.cell_map = loop, cell_map
+        self.loop, self.cell_map, self._beside = loop, cell_map, beside
         self.frames = 0
         self._payload = getattr(loop.planner, "attached", None)
         self._scene = scene_rows(loop.planner)
@@ -127,6 +153,8 @@ class Recorder:
         self._capsules.add(frame.capsules)
         if frame.guess is not None:
             self._guess.add(frame.guess)
+        if self._beside is not None:
+            self._beside.add(frame)
         self._ask(frame)
         self.frames += 1
 
@@ -163,6 +191,9 @@ class Recorder:
         robot = self.cell_map.robot
         arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
         head = self._head() | {"outcome": self._outcome(arrays)}
+        if self._beside is not None:
+            arrays |= self._beside.arrays(n)
+            head |= self._beside.head()
         if self._scene:
             head["scene"] = self._scene
         found = RunRecord(head, arrays)
@@ -199,6 +230,8 @@ class Recorder:
 
     def _format(self) -> int:
         """Return the oldest format that holds all of it."""
+        if self._beside is not None:
+            return self._beside.format
         if self._scene:
             return STANDING_AROUND
         return FORMAT if self._payload is None else CARRYING
@@ -259,7 +292,7 @@ def check_recording_path(path: Path) -> None:
         raise BadInput(f"the recording {path} is a folder; give the name of a file")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside(path) as made:
+        with unfinished.beside(path) as made:
             made.touch()
     except OSError as error:
         raise BadInput(
@@ -270,7 +303,7 @@ def check_recording_path(path: Path) -> None:
 
 @contextmanager
 def recording(
-    path: Path | None, loop: Loop, cell_map: CellMap
+    path: Path | None, loop: Loop, cell_map: CellMap, beside: Beside | None = None
 ) -> Iterator[Recorder | None]:
     """Yield a recorder; what it took is written at the end, Ctrl-C or an error too.
 
@@ -280,11 +313,12 @@ def recording(
         path: The file; None yields None, and nothing is recorded.
         loop: The loop; not begun.
         cell_map: The planner's map.
+        beside: What else is recorded; None: nothing.
     """
     if path is None:
         yield None
         return
-    recorder = Recorder(loop, cell_map)
+    recorder = Recorder(loop, cell_map, beside)
     with interrupt.patience(_WRITING):
         try:
             yield recorder

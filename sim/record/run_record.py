@@ -8,8 +8,9 @@ import numpy as np
 from odm.execution.executor import RETREATING
 from sim.loop.run_result import Hold, RunResult
 
-# formats: of a recording, of one with a payload, of one with a scene, of a hand-over
-FORMAT, CARRYING, STANDING_AROUND, STORY = 2, 3, 4, 5
+# formats: of a recording, of one with a payload, of one with a scene, of a hand-over,
+# of a run to hand-over targets
+FORMAT, CARRYING, STANDING_AROUND, STORY, TARGETS = 2, 3, 4, 5, 6
 NOBODY = "none"  # name of the motion of a run without a person
 INPUTS = ("time_s", "places", "payload", "capsules", "capsules_at", "guess", "guess_at")
 OUTCOME = {  # by frame, in the order in which differences are told
@@ -24,6 +25,11 @@ OUTCOME = {  # by frame, in the order in which differences are told
     "joint_speed": np.float64,
     "point_speed": np.float64,
 }
+TARGET_OUTCOME = {  # the same, of a run to hand-over targets
+    "targets.state": np.uint8,
+    "targets.quality": np.float64,
+    "targets.best": np.float64,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +40,15 @@ class RunRecord:
         head: Plain data: "kind", "format", "frames", "motion", "settings", "planner",
             "map" (name, hash, recipe), "robot", "versions", "outcome" (fingerprint,
             trips, path changes, holds and slow stretches with their reasons); "scene"
-            where things stood around, see `sim.record.standing`.
+            where things stood around, see `sim.record.standing`; "story" of a
+            hand-over, "targets" of a run to its targets.
         arrays: By name, with F frames. "time_s" (F,) [s]; "places" (n, dof);
             "capsules" (F, k, 7) as the planner saw the person [m], or (sum, 7) with
             offsets "capsules_at" (F + 1,) where k changes; "guess", the same of
             where the person is, for motions that tell the two apart; "payload" (k, 4)
-            spheres in the robot's hand, tool frame [m]; the names of `OUTCOME`; and
-            the robot's own, "robot.*".
+            spheres in the robot's hand, tool frame [m]; the names of `OUTCOME`; the
+            robot's own, "robot.*"; of a run to targets, the names of `TARGET_OUTCOME`,
+            the whole person, "person.*", and the best targets of every few frames.
         altered: Names of arrays of the outcome that are not as they were written.
     """
 

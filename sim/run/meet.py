@@ -43,6 +43,7 @@ from sim.run import places
 from sim.run.folders import REACH_MAPS, check_reach_folder
 from sim.run.meet_audit import TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
+from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
     Live,
@@ -205,6 +206,10 @@ class MeetTask:
         loop, self._audit = self.setup.loop(person, self.side, settings, dwell_s)
         self._loop = loop
         return loop
+
+    def columns(self) -> TargetColumns:
+        """Return what a recording of the loop holds beside the run."""
+        return TargetColumns(self._loop, self.setup.obj, GRASPS)
 
     def _rehearse(
         self, person: WholePerson | RecordedPerson, settings: LoopSettings

@@ -19,11 +19,15 @@ class MeetPlanner:
     Args:
         live: The targets and the planner.
         human_at: Time [s] -> the person.
+
+    Attributes:
+        human: The person of the last frame; None before the first one.
     """
 
     def __init__(self, live: LiveTargets, human_at: Callable[[float], Human]) -> None:
         """Keep both."""
         self.live, self.human_at = live, human_at
+        self.human: Human | None = None
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the planner's."""
@@ -34,8 +38,8 @@ class MeetPlanner:
 
     def step(self, points: np.ndarray, q: np.ndarray, **options: object) -> object:
         """Answer one frame; see `LiveTargets.step`."""
-        human = self.human_at(options["now"])
-        return self.live.step(human, points, q, **options)
+        self.human = self.human_at(options["now"])
+        return self.live.step(self.human, points, q, **options)
 
 
 class MeetLoop(Loop):

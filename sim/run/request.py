@@ -223,12 +223,6 @@ class RunRequest:
             return f"--side is {self.hand!r}: choose left or right"
         if not 0 <= self.audit_s < math.inf:
             return f"audit_s is {self.audit_s} s; give 0 or more"
-        refused = {
-            "record": "--record writes runs between work places, which can be replayed",
-        }
-        for name, why in refused.items():
-            if getattr(self, name) is not None:
-                return f"{why}; leave it out with --targets meet"
         if self.live and self.hand == "left":
             return "the keys move the right arm; leave --side out"
         return ""

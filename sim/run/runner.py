@@ -12,6 +12,7 @@ from sim.loop.run_result import RunResult
 from sim.people.human_motion import HumanMotion
 from sim.record import check_recording_path, recording
 from sim.run.meet import MeetTask
+from sim.run.meet_record import TargetColumns
 from sim.run.places import DEMO, Live, PlacesTask
 from sim.run.planned import PlanTask
 from sim.run.report import setting
@@ -52,7 +53,7 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
         task.open(tell)
         loop = task.loop(person, settings)
     with (
-        recording(request.record, loop, task.cell_map) as recorder,
+        recording(request.record, loop, task.cell_map, beside_of(task)) as recorder,
         watched(request, loop, task.cell_map) as watching,
     ):
         listeners = [task.hear, *([recorder.add] if recorder else []), *watching]
@@ -90,6 +91,11 @@ def task_of(request: RunRequest, live: Live | None) -> Task:
     if request.plan is not None:
         return PlanTask(request, live)
     return (MeetTask if request.meets else PlacesTask)(request, live)
+
+
+def beside_of(task: Task) -> TargetColumns | None:
+    """Return what a recording of a task holds beside the run; None: nothing."""
+    return task.columns() if isinstance(task, MeetTask) else None
 
 
 @contextmanager

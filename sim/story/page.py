@@ -7,9 +7,10 @@ import numpy as np
 
 from roadmap.geometry.gaps import moved_rods
 from sim.draw.surroundings import scene_of
+from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.view.gate import LOCAL, PORT
-from sim.view.running import TARGETS_EVERY, Pace, target_rows
+from sim.view.running import Pace
 from sim.view.viewer import Viewer
 
 

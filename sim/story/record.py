@@ -1,16 +1,22 @@
 """A hand-over recorded and played again: what was seen and felt, and what it did."""
 
 import hashlib
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from handover.human.human import Human
-from handover.human.human_arm import SIDES
-from handover.human.skeleton import Skeleton
 from handover.meet.held_object import HeldObject
 from roadmap.errors import BadInput
 from sim.loop.run_result import STATUS, holds_of
+from sim.record.people import (
+    body_told,
+    held_of,
+    held_told,
+    people_arrays,
+    person_at,
+    person_of,
+)
 from sim.record.record_check import BadRecord
 from sim.record.recorder import PACES, versions
 from sim.record.run_record import STORY, RunRecord
@@ -22,9 +28,7 @@ from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.settings import StorySettings
 
 _NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf}  # of speeds near the hand
-_NO_GAZE = np.full(3, np.nan)  # nobody knows where they look
-_LENGTHS = tuple(f.name for f in fields(Skeleton))
-_ARRAYS = ("capsules", "T_tool_object", "hand_grasps")  # of a HeldObject
+_OF_IT = "story."  # what the arrays of a hand-over begin with
 _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
 
 
@@ -95,18 +99,12 @@ class StoryRecorder:
             "story.state": np.array([names.index(m.state) for m in moments], np.uint8),
             "story.fingers": np.array([m.fingers for m in moments]),
             "story.holding": np.array([m.holding for m in moments], np.uint8),
-            "story.pelvis": np.array([h.T_world_pelvis for h in humans]),
-            "story.bend": np.array([h.bend for h in humans]),
-            "story.arms": np.array([[h.arms[s] for s in SIDES] for h in humans]),
-            "story.gaze": np.array(
-                [_NO_GAZE if h.gaze is None else h.gaze for h in humans]
-            ),
             "story.wrench": np.array([m.frame.wrench for m in moments]),
             "story.sensed": np.array(
                 [[m.frame.opened, m.frame.holds] for m in moments], np.uint8
             ),
             "story.object": np.array([nowhere if T is None else T for T in places]),
-            **_bodies(humans),
+            **people_arrays(humans, _OF_IT),
             **_tracked([m.frame for m in moments]),
         }
 
@@ -123,14 +121,8 @@ class StoryRecorder:
             "settings": asdict(story.settings),
             "others": setup.T_others.tolist(),
             "object": setup.obj.name,
-            "held": _held(setup.obj),
-            "person": {
-                "height": human.height,
-                "posture": human.posture,
-                "mass": human.mass,
-                "thickness": human.thickness,
-                "side": setup.side,
-            },
+            "held": held_told(setup.obj),
+            "person": body_told(human) | {"side": setup.side},
         }
         return {
             "kind": "odm demo handover",
@@ -186,14 +178,8 @@ def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[s
                 f"the hand-over was recorded with the {what} {its[:12]}, but this is "
                 f"{ours[:12]}; give the one it was recorded with"
             )
-    person = Human(
-        told["person"]["height"],
-        told["person"]["posture"],
-        mass=told["person"]["mass"],
-        thickness=told["person"]["thickness"],
-        skeleton=Skeleton.of_height(told["person"]["height"]),
-    )
-    story = story_of(setup, told, _human(person, arrays, 0))
+    person = person_of(told["person"])
+    story = story_of(setup, told, person_at(person, arrays, _OF_IT, 0))
     rows, states, names = [], [], told["states"]
     for i in range(record.frames):
         rows.append(np.array(story.executor.set_point.q))
@@ -202,7 +188,7 @@ def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[s
         story.update(
             StoryFrame(
                 float(arrays["time_s"][i]),
-                _human(person, arrays, i),
+                person_at(person, arrays, _OF_IT, i),
                 arrays["story.wrench"][i],
                 opened,
                 holds,
@@ -238,20 +224,10 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     return new_story(setup, StorySettings(**known), human, told["fetch"])
 
 
-def _held(obj: HeldObject) -> dict:
-    """Return what is handed over as plain data."""
-    rows = {k: np.asarray(getattr(obj, k)).tolist() for k in _ARRAYS}
-    return {"name": obj.name, "mass_kg": obj.mass_kg, "turns": obj.turns, **rows}
-
-
 def object_of(head: dict) -> HeldObject | None:
     """Return what was handed over, of a recording's head; None: it does not say."""
     told = head["story"].get("held")
-    if told is None:
-        return None
-    return HeldObject(
-        **{k: np.array(v) if k in _ARRAYS else v for k, v in told.items()}
-    )
+    return None if told is None else held_of(told)
 
 
 def same(record: RunRecord, q: np.ndarray, states: list[str]) -> bool:
@@ -273,17 +249,6 @@ def _states(direction: str) -> list[str]:
     return list(dict.fromkeys([r.state for r in rows] + [r.then for r in rows]))
 
 
-def _bodies(humans: list[Human]) -> dict[str, np.ndarray]:
-    """Return the bodies of a person who is measured anew in each frame."""
-    if all(h.skeleton is humans[0].skeleton for h in humans):
-        return {}
-    lengths = {
-        f"story.body.{n}": [getattr(h.skeleton, n) for h in humans] for n in _LENGTHS
-    }
-    lengths["story.body.height"] = [h.height for h in humans]
-    return {name: np.array(told, float) for name, told in lengths.items()}
-
-
 def _tracked(frames: list[StoryFrame]) -> dict[str, np.ndarray]:
     """Return the person as a tracker knew them, where that is not where they were."""
     if frames[0].capsules is None:
@@ -299,23 +264,6 @@ def _seen(arrays: dict[str, np.ndarray], i: int) -> dict[str, np.ndarray]:
         return {}
     capsules, labels = arrays["story.tracked"][i], arrays["story.labels"][i]
     return {"capsules": capsules, "labels": labels}
-
-
-def _human(person: Human, arrays: dict[str, np.ndarray], i: int) -> Human:
-    gaze, body = arrays["story.gaze"][i], {}
-    if "story.body.height" in arrays:
-        lengths = {name: arrays[f"story.body.{name}"][i] for name in _LENGTHS}
-        body["height"] = float(arrays["story.body.height"][i])
-        body["skeleton"] = Skeleton(**lengths)
-    arms = dict(zip(SIDES, arrays["story.arms"][i], strict=True))
-    return replace(
-        person,
-        T_world_pelvis=arrays["story.pelvis"][i],
-        bend=arrays["story.bend"][i],
-        arms=arms,
-        gaze=None if np.isnan(gaze).any() else gaze,
-        **body,
-    )
 
 
 def _moved(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:

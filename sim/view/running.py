@@ -5,16 +5,14 @@ import time
 
 import numpy as np
 
-from handover.targets.live_targets import LiveTargets
 from sim.draw.surroundings import scene_of
 from sim.loop.loop import Frame, Loop
+from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.view.dragged import DraggedPerson
 from sim.view.gate import LOCAL
 from sim.view.sources import place_targets
 from sim.view.viewer import Viewer
 
-TARGETS_EVERY = 10  # frames
-_TARGETS = 10  # of a person, that are drawn
 _LATE_S = 0.1
 
 
@@ -31,14 +29,6 @@ class Pace:
         if self._begun is None or now - self._begun - due > _LATE_S:
             self._begun = now - due  # what was lost is not made up for
         time.sleep(max(0.0, self._begun + due - now))
-
-
-def target_rows(live: LiveTargets) -> np.ndarray:
-    """Return (k, 5) of the best targets: place [m], quality, whether it is pursued."""
-    key = live.pursuit.key
-    best = live.targets[:_TARGETS]
-    rows = [[*t.T_world_tool[:3, 3], t.quality, t.key == key] for t in best]
-    return np.array(rows, float).reshape(-1, 5)
 
 
 class Watched:

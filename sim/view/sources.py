@@ -15,6 +15,7 @@ from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.draw.surroundings import all_triangles
 from sim.loop.run_result import STATUS
+from sim.loop.target_rows import TARGETS_EVERY
 from sim.record import RunRecord
 from sim.record.again import robot_of
 from sim.record.standing import shapes_of
@@ -146,7 +147,7 @@ class Recorded:
             reason=self._reason(float(self._rows[i, 0]), state),
             separation=float(arrays["separation"][i]),
             path=self._path(i),
-            targets=self._targets(int(arrays["place"][i])),
+            targets=self._targets(i),
             payload=arrays.get("payload"),
             things=self._things,
         )
@@ -163,7 +164,13 @@ class Recorded:
         rows = np.arange(i, end + 1, max(1, (end - i) // 60))
         return self.record.arrays["q"][np.append(rows, end)]
 
-    def _targets(self, place: int) -> np.ndarray:
+    def _targets(self, i: int) -> np.ndarray:
+        arrays = self.record.arrays
+        if "targets.shown" in arrays:
+            ends = arrays["targets.shown_at"]
+            k = min(i // TARGETS_EVERY, len(ends) - 2)
+            return arrays["targets.shown"][ends[k] : ends[k + 1]]
+        place = int(arrays["place"][i])
         if place not in self._goals:
             self._goals[place] = place_targets(self.robot, self._place_q, place)
         return self._goals[place]

@@ -141,7 +141,6 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
         (["--targets", "meet", "--motion", "crowding"], "4 capsules"),
         (["--targets", "meet", "--motion", "dance"], "--motion is 'dance'"),
         (["--targets", "meet", "--between", "2", "1"], "smaller one first"),
-        (["--targets", "meet", "--record", "a.npz"], "--record"),
         (["--targets", "meet", "--motion", "mocap"], "--file"),
         (["--targets", "meet", "--reach", "nowhere"], "no reach map"),
     ],

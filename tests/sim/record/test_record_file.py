@@ -85,7 +85,7 @@ def test_another_format_is_refused(version, remedy, file, tmp_path):
     path = tampered(
         file, tmp_path / "run.npz", HEAD, lambda head: head.update(format=version)
     )
-    with pytest.raises(BadRecord, match=f"format {version}, but.* 2 to 5; {remedy}"):
+    with pytest.raises(BadRecord, match=f"format {version}, but.* 2 to 6; {remedy}"):
         read_record(path)
 
 

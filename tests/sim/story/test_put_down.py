@@ -14,13 +14,14 @@ from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
+from sim.record.people import held_told
 from sim.story import cases, grasping
 from sim.story.cases import other_places, setup_of
 from sim.story.grasping import Reaches, quarter_turns
 from sim.story.handover import _checked_places, _covering_balls
 from sim.story.machine import PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
-from sim.story.record import _held, object_of, story_of
+from sim.story.record import object_of, story_of
 from sim.story.settings import AT_PLACE, HELD_AT_PLACE
 
 PERIOD = 0.01
@@ -337,7 +338,7 @@ def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(
 
 def test_a_recording_keeps_what_is_handed_over(setup):
     thin = replace(setup.obj, turns=2, name="rod")
-    told = {"story": {"held": _held(thin)}}
+    told = {"story": {"held": held_told(thin)}}
     back = object_of(told)
     assert back.turns == 2 and back.name == "rod" and back.mass_kg == thin.mass_kg
     assert np.array_equal(back.capsules, thin.capsules)
