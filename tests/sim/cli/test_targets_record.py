@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from keyboard_pty import User
 from mocap_files import person, write_csv
 from recorded import tampered, with_array
 
@@ -122,3 +123,21 @@ def test_another_reach_map_or_setting_is_refused(odm, meet_maps, file, tmp_path)
         path = write_record(replace(record, head=head), tmp_path / "other.npz")
         code, _, err = replayed(odm, meet_maps, path)
         assert code == 2 and told in err
+
+
+def test_who_is_moved_by_keys_is_met_again(odm, meet_maps, tmp_path):
+    record, again = tmp_path / "run.npz", tmp_path / "again.npz"
+    words = ("--map", meet_maps[0], "--reach", meet_maps[1], "--motion", "keyboard")
+    words = ("-m", "sim", "run", "--targets", "meet", *words, "--record", record)
+    with User(*words, columns=100, lines=40) as user:
+        user.see("0:0[1-9]")
+        user.type(b"\x1b[A" * 6)
+        user.look(0.3)
+        user.type(b"wwww")
+        user.look(0.3)
+        user.type(b"q")
+        assert user.end() == 0 and user.restored
+    arms = read_record(record).arrays["person.arms"]
+    assert len(np.unique(arms[:, 1], axis=0)) > 5
+    code, _, err = replayed(odm, meet_maps, record, "--record", again)
+    assert code == 0 and again.read_bytes() == record.read_bytes(), err
