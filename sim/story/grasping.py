@@ -282,6 +282,7 @@ class Reaches:
         self._T_object_tool = np.linalg.inv(self.T_tool_object)
         self.found: list[Reach] = []
         self._tight: list[Reach] = []  # those that lack room
+        self._passed: list[Reach] = []  # those that somebody is in the way of
         self._queue: list[tuple[int, int | np.ndarray]] = []  # grasp; seed, or which
         self._starts = list(self._queue)  # all of them, for a shorter way back
         self._share = 0  # which of the shares of the way back
@@ -301,7 +302,7 @@ class Reaches:
         """
         near = [(r.grasp, r.q) for r in self.found[:2]]
         self._T, self.found, self._nodes = np.array(T_base_object), [], {}
-        self._tight = []
+        self._tight, self._passed = [], []
         n = range(len(self._T_object_tool))
         seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
         seeds += [(g, np.array(q)) for g in n]
@@ -314,7 +315,7 @@ class Reaches:
         if self._T is None or self.over:
             return False
         g, k = self._queue.pop(0)
-        found = self._start(g, k) or self._take_tight()
+        found = self._start(g, k) or self._take_tight() or self._take_passed()
         shares = self.settings.shares
         if not self._queue and not self.found and self._share + 1 < len(shares):
             self._queue, self._share = list(self._starts), self._share + 1
@@ -326,6 +327,23 @@ class Reaches:
             return False
         self._tight.sort(key=lambda reach: -reach.room)
         self.found, self._tight = self._tight[: self.settings.kept], []
+        return True
+
+    def pass_by(self) -> bool:
+        """Look for others than those found: all are blocked; False: none are left.
+
+        Once there are none, those found are what there is, again.
+        """
+        if not self._queue:
+            return False
+        self._passed, self.found = self._passed + self.found, []
+        return True
+
+    def _take_passed(self) -> bool:
+        """Take those passed by again, once there are no others and will be none."""
+        if self._queue or self.found or not self._passed:
+            return False
+        self.found, self._passed = self._passed, []
         return True
 
     def _start(self, g: int, k: int | np.ndarray) -> bool:
@@ -363,7 +381,7 @@ class Reaches:
         planner = self.planner
         T = self._T @ self._T_object_tool[grasp]
         for q in _ik(planner, T, seed, self.settings):
-            others = self.found + self._tight
+            others = self.found + self._tight + self._passed
             known = [np.abs(planner.frame.difference(q, r.q)).max() for r in others]
             if min(known, default=1.0) < 0.1 or not is_valid(planner, q, bare=True):
                 continue

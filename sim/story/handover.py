@@ -847,6 +847,8 @@ class Handover:
         elif not look.over:
             if self._allowance.grants(self._allowance.takes.reach):
                 look.work()
+        elif look.pass_by():
+            self._at_place = look, 0
         elif self._now - self._came[0] >= waited:
             self._leave_place(seen, BESET)
         else:

@@ -16,6 +16,7 @@ from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.record.people import held_told
 from sim.story import cases, grasping
+from sim.story import handover as story_module
 from sim.story.cases import other_places, setup_of
 from sim.story.grasping import Reaches, quarter_turns
 from sim.story.handover import _checked_places, _covering_balls
@@ -347,3 +348,38 @@ def test_a_recording_keeps_what_is_handed_over(setup):
     turned = quarter_turns(thin.T_tool_object, 2)
     assert len(turned) == 2
     assert np.allclose(turned[1], quarter_turns(thin.T_tool_object)[2])
+
+
+def test_configurations_that_somebody_is_in_the_way_of_are_passed_by(
+    setup, monkeypatch
+):
+    settings = replace(HELD_AT_PLACE, kept=1)
+    monkeypatch.setattr(story_module, "HELD_AT_PLACE", settings)
+    story, human = story_at(setup, blocked_s=5.0)
+    tried = []
+    free = story.view.line_free
+
+    def not_the_first(before, q, there):
+        tried.append(before.tobytes())
+        return before.tobytes() != tried[0] and free(before, q, there)
+
+    monkeypatch.setattr(story.view, "line_free", not_the_first)
+    nobody = human.capsules()
+    opened = put_down(story, human, 12.0, lambda now: nobody)
+    assert opened is not None and np.allclose(opened, setup.T_place[:3, 3], atol=0.01)
+    assert len(set(tried)) > 1
+
+
+def test_what_was_passed_by_is_what_there_is_once_all_was_tried(setup):
+    told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    look = Reaches(*told, settings=replace(AT_PLACE, kept=1))
+    look.begin(setup.T_place, setup.rest)
+    seen = []
+    while True:
+        while not look.over:
+            look.work()
+        seen += [reach for reach in look.found if all(reach is not r for r in seen)]
+        if not look.pass_by():
+            break
+    assert len(seen) > 1 and len(look.found) == len(seen)
+    assert {reach.q.tobytes() for reach in look.found} == {r.q.tobytes() for r in seen}
