@@ -65,7 +65,7 @@ def demo(request: DemoRequest) -> None:
 
     folder = built_map(demo_recipe(), request.threads)
     run_demo(
-        folder, request.out, settings=replace(SETTINGS, duration_s=request.seconds)
+        folder, request.out, settings=replace(SETTINGS, duration_s=request.lasts())
     )
 
 
@@ -82,7 +82,7 @@ def _hand_over(request: DemoRequest) -> None:
     if request.human == KEYBOARD:
         from sim.keyboard.story import KeyboardStory
 
-        live = KeyboardStory(request.seconds)
+        live = KeyboardStory(request.lasts())
         live.open()
     folder = request.map_dir or built_map(load_recipe(STORY), request.threads)
     cell_map = load_map(folder)

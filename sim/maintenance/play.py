@@ -16,6 +16,7 @@ from roadmap.ranges import check_settings
 from sim.maintenance.cases import LadderCase, ToolSetup
 from sim.story import machine as table
 from sim.story.play import RATE, StoryMoment, StoryPlay, StoryResult
+from sim.story.settings import patience_with
 from sim.story.wrist import Wrist
 
 
@@ -26,7 +27,8 @@ class CycleSettings:
     Attributes:
         uses_s: The person uses a tool, or waits before asking for the next, so long
             [s].
-        limit_s: A hand-over, put down included, must be over within this [s].
+        limit_s: A hand-over, put down included, must be over within this [s]; of a slow
+            robot, so many times that as `sim.story.settings.patience_with` says.
         at_rest: The next hand-over begins so near to where one ended [rad or m].
         still: An arm that changes by less between two frames rests [rad].
     """
@@ -96,6 +98,8 @@ class MaintenancePlay:
         self.begun: list[float] = []
         self.index, self.ended = 0, False
         self.result = CycleResult(case)
+        robot = setups[0].cell_map.robot
+        self._limit_s = settings.limit_s * patience_with(robot)
         self._wrists: list[Wrist] = []
         self._arm = np.zeros(0)
         self._paused = 0  # frames since a hand-over was over
@@ -117,8 +121,8 @@ class MaintenancePlay:
             self._paused += 1
             if self._paused >= s.uses_s * RATE and still:
                 self._next()
-        elif run.index >= s.limit_s * RATE:
-            self._stop(f"{self._told()} was not over after {s.limit_s:g} s")
+        elif run.index >= self._limit_s * RATE:
+            self._stop(f"{self._told()} was not over after {self._limit_s:g} s")
         self.result.seconds = self.now
         return moment
 

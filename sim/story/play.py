@@ -198,7 +198,9 @@ class StoryPlay:
         """Put the robot at rest."""
         self.setup, self.case = setup, case
         give = case.direction == "give"
-        settings = settings or StorySettings(direction=case.direction)
+        if settings is None:
+            robot = setup.cell_map.robot
+            settings = StorySettings.for_robot(robot, direction=case.direction)
         self.known = in_reach(setup, case) if partner is None else None
         self.partner = partner or _partner(setup, case, self.known)
         holds = give and not fetch

@@ -10,6 +10,7 @@ from sim.terminal.flags import Json, Seed, Threads, argument, flag
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
 FINGERLESS = "armar3"
 MOCAP, KEYBOARD = "mocap", "keyboard"
+LASTS_S = 30.0  # of a demo [s]
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,11 @@ class DemoRequest:
         metavar="work|handover|maintenance",
     )
     out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
-    seconds: float = flag(30.0, "Simulated time in s.", limits=SECONDS)
+    seconds: float | None = flag(
+        None,
+        "Simulated time in s; 30 if left, up to 4 times that for a slow robot.",
+        limits=SECONDS,
+    )
     threads: Threads = 0
     direction: str | None = flag(
         None, "Who gives: the robot (give) or the person.", metavar="give|receive"
@@ -142,6 +147,14 @@ class DemoRequest:
         return file_trouble(self.file, self.mapping) or page_trouble(
             self.view, self.port, self.host, self.token
         )
+
+    def lasts(self, patience: float = 1.0) -> float:
+        """Return the simulated time [s].
+
+        Args:
+            patience: Times as long, where none is asked for.
+        """
+        return patience * LASTS_S if self.seconds is None else self.seconds
 
     def _trouble_of_the_cycle(self) -> str:
         person = ("direction", "human", "file", "mapping", "accept_defects")

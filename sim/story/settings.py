@@ -11,9 +11,14 @@ import numpy as np
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
+from roadmap.kinematics.joint_tree import JOINT, KIND, REVOLUTE
 from roadmap.ranges import check_kind, check_number, check_row, check_settings
+from roadmap.robot.robot import Robot
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
+
+QUICK_TURN = 2.0  # [rad/s] of a joint; times are limited for robots as quick as that
+MOST_PATIENT = 4.0  # times as long, however slow a robot is
 
 
 @dataclass(frozen=True)
@@ -156,6 +161,19 @@ class GraspingSettings:
         check_row(self, "shares", 0.05, 1.0, "")
 
 
+def patience_with(robot: Robot) -> float:
+    """Return how many times as long a robot may take as a quick one; 1 to 4.
+
+    Quick is whose turning joints reach 2 rad/s, in the middle of all, as a Panda's do.
+    """
+    tree = robot.tree_i
+    turning = np.unique(tree[tree[:, KIND] == REVOLUTE, JOINT])
+    if not len(turning):
+        return 1.0
+    speed = float(np.median(robot.max_velocity[turning]))
+    return min(max(1.0, QUICK_TURN / speed), MOST_PATIENT)
+
+
 # at a place on a table; the object in the hand is held by one grasp of four
 AT_PLACE = GraspingSettings(shares=(1.0, 0.75, 0.5))
 HELD_AT_PLACE = GraspingSettings(seeds=24, shares=(1.0, 0.75, 0.5))
@@ -264,6 +282,19 @@ class StorySettings:
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     comfort: ComfortSettings = field(default_factory=ComfortSettings)
     threat: ThreatSettings = field(default_factory=ThreatSettings)
+
+    @classmethod
+    def for_robot(cls, robot: Robot, **settings: object) -> "StorySettings":
+        """Return settings that give a slow robot more time for its own ways.
+
+        Args:
+            robot: The robot; see `patience_with`.
+            settings: By name; these stay as they are given.
+        """
+        times, own = patience_with(robot), cls()
+        names = ("wait_s", "fetch_s", "place_s", "put_down_s")
+        longer = {name: times * getattr(own, name) for name in names}
+        return cls(**(longer | settings))
 
     def __post_init__(self) -> None:
         """Check every value.

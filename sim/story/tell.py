@@ -32,6 +32,7 @@ from sim.story.play import StoryMoment, StoryPlay, StoryResult, play
 from sim.story.record import StoryRecorder
 from sim.story.rehearsal import rehearse
 from sim.story.request import KEYBOARD, MOCAP, DemoRequest
+from sim.story.settings import patience_with
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
 from sim.terminal.output import stdout_to_stderr
@@ -99,7 +100,8 @@ def tell_story(
             shown(moment)
 
         if live is None:
-            result = play(run, request.seconds, hear)
+            lasts = request.lasts(patience_with(cell_map.robot))
+            result = play(run, lasts, hear)
         else:
             result = live.play(run, hear)
     tell(True)
@@ -129,7 +131,13 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
     robot = setup.cell_map.robot
     told = f"{robot.name}, {run.case.direction}: {note}"
     slow = slow_to_stop(robot, run.story.settings.threat)
-    return "\n".join(filter(None, (told, _about_place(setup, run), slow)))
+    times, longer = patience_with(robot), ""
+    if times > 1.0:
+        longer = (
+            f"{robot.name}'s joints are slow: it may take {times:.1f} times as long as "
+            "a quick robot"
+        )
+    return "\n".join(filter(None, (told, _about_place(setup, run), slow, longer)))
 
 
 def _about_place(setup: StorySetup, run: StoryPlay) -> str:

@@ -53,7 +53,6 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (RUN + ("--object", "wrench"), "--object", "--targets meet"),
     (RUN + ("--targets", "meet", "--object", "cup"), "'cup'", "wrench or mallet"),
     (RUN + ("--targets", "meet", "--side", "both"), "--side is 'both'", "left"),
-    (RUN + ("--targets", "meet", "--record", "a.npz"), "--record", "leave it out"),
     (RUN + ("--motion", "keyboard", "--plot", "a.png"), "--plot", "leave it out"),
     (RUN + ("--wrench",), "--wrench", "--help"),
     (("run",), "--map", "--help"),
