@@ -83,17 +83,6 @@ def test_a_recording_is_played_by_the_command(odm, meet_maps, tmp_path):
     assert data["run"]["frames"] == 50 and data["targets"]["contacts"] == 0
 
 
-@pytest.mark.parametrize("motion", ["reach", "keyboard"])
-def test_a_run_with_targets_is_not_recorded_and_says_so(
-    odm, meet_maps, tmp_path, motion
-):
-    record = tmp_path / "run.npz"
-    words = ["run", "--targets", "meet", "--motion", motion, "--record", record]
-    code, _, err = odm(*words, "--map", meet_maps[0], "--reach", meet_maps[1])
-    assert code == 2 and "--record" in err and one_sentence(err)
-    assert not record.exists()
-
-
 def test_nobody_in_reach_is_a_run_without_targets(odm, meet_maps):
     words = ["run", "--targets", "meet", "--map", meet_maps[0], "--reach", meet_maps[1]]
     for motion in ("sweep", "tremble"):
