@@ -103,13 +103,17 @@ def test_dragging_the_slider_scrubs_a_recording(view_file, tab, tmp_path):
     with Opened(show_of(source)) as opened:
         playback = opened.page.playback
         tab.open(opened.address, OPENED)
-        x, y, wide, high = place_of(tab, ".mantine-Slider-thumb")
-        left, _, width, _ = place_of(tab, ".mantine-Slider-track")
         assert playback.at == 0.0 and not playback.playing
-        at = y + high / 2
-        tab.drag((x + wide / 2, at), (left + 0.75 * width, at))
-        until(lambda: playback.at > 0.5 * playback.end)
-        assert playback.at == pytest.approx(0.75 * playback.end, rel=0.1)
+
+        def drag():  # a page on a busy machine may not hear the first one
+            x, y, wide, high = place_of(tab, ".mantine-Slider-thumb")
+            left, _, width, _ = place_of(tab, ".mantine-Slider-track")
+            at = y + high / 2
+            tab.drag((x + wide / 2, at), (left + 0.75 * width, at))
+            time.sleep(1.0)
+
+        there = pytest.approx(0.75 * playback.end, rel=0.1)
+        until(lambda: playback.at == there, drag)
         moment = source.at(playback.at)
         node = opened.page.stage._bodies[2]
         frames = opened.page.stage.robot
