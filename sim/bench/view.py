@@ -1,9 +1,11 @@
 """`odm bench view`: what the page costs the loop beside it, how soon it is there."""
 
 import gc
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -195,7 +197,8 @@ def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[di
         page.hear(page.run.step())
     look_s = 1.0 if short else _LOOK_S
     with Browser() as browser:
-        empty, empty_hz = _empty_page(browser, look_s)
+        with redirect_stdout(sys.stderr):  # viser tells there that it begins and ends
+            empty, empty_hz = _empty_page(browser, look_s)
         tab = browser.tab()
         tab.open(page.viewer.address, _OPENED)  # the browser's own beginning
         tab.close()
