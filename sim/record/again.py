@@ -71,12 +71,39 @@ def run_again(
         BadRecord: The map is another one, or a setting is unknown here.
     """
     check_map(record, cell_map)
-    recorder = Recorder(_loop(record, cell_map), cell_map)
+    return recorded_again(record, Recorder(_loop(record, cell_map), cell_map), progress)
+
+
+def recorded_again(
+    record: RunRecord, recorder: Recorder, progress: Progress | None = None
+) -> RunRecord:
+    """Run the loop of a recorder for as many frames as a recording has.
+
+    Args:
+        record: The recording.
+        recorder: Of a loop that was not begun.
+        progress: Called with (stage, done, total).
+    """
     for i in range(1, record.frames + 1):
         recorder.add(recorder.loop.frame())
         if progress is not None and (i % 50 == 0 or i == record.frames):
             progress("frames", i, record.frames)
     return recorder.record()
+
+
+def planner_of(record: RunRecord, cell_map: CellMap) -> ReactivePlanner:
+    """Return the planner of a recording: its settings, its hand, what stands around.
+
+    Raises:
+        BadRecord: A setting is unknown here, or an object is none.
+    """
+    told = record.head["planner"]
+    settings = known(PlannerSettings, told["settings"])
+    planner = ReactivePlanner(cell_map, told["always_replan"], settings)
+    if "payload" in record.arrays:
+        planner.attach(record.arrays["payload"])
+    set_up(planner, record.scene)
+    return planner
 
 
 def check_map(
@@ -146,14 +173,10 @@ def build_again(
 
 
 def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
-    head = record.head
-    asked = known(PlannerSettings, head["planner"]["settings"])
-    planner = ReactivePlanner(cell_map, head["planner"]["always_replan"], asked)
+    head, planner = record.head, planner_of(record, cell_map)
     nobody, robot = head["motion"]["name"] == NOBODY, planner.robot
-    if "payload" in record.arrays:
-        planner.attach(record.arrays["payload"])
+    if planner.attached is not None:
         robot = with_payload(robot, planner.attached)
-    set_up(planner, record.scene)
     return Loop(
         planner,
         robot,

@@ -209,7 +209,7 @@ class MeetTask:
 
     def columns(self) -> TargetColumns:
         """Return what a recording of the loop holds beside the run."""
-        return TargetColumns(self._loop, self.setup.obj, GRASPS)
+        return TargetColumns(self._loop)
 
     def _rehearse(
         self, person: WholePerson | RecordedPerson, settings: LoopSettings

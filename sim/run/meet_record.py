@@ -1,12 +1,10 @@
 """A run to hand-over targets, recorded and run again."""
 
-from collections.abc import Callable
 from dataclasses import asdict
 
 import numpy as np
 
 from handover import Human, QualitySettings, ReachMap
-from handover.meet.held_object import HeldObject
 from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import (
@@ -19,10 +17,17 @@ from handover.targets.live_targets import (
 )
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
-from odm import CellMap, PlannerSettings, ReactivePlanner
+from odm import CellMap
 from sim.loop.loop import Frame, LoopSettings
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
-from sim.record.again import RecordedPerson, check_map, known
+from sim.record.again import (
+    Progress,
+    RecordedPerson,
+    check_map,
+    known,
+    planner_of,
+    recorded_again,
+)
 from sim.record.people import (
     body_told,
     held_of,
@@ -34,13 +39,10 @@ from sim.record.people import (
 from sim.record.record_check import BadRecord
 from sim.record.recorder import Column, Recorder
 from sim.record.run_record import TARGETS, RunRecord
-from sim.record.standing import set_up
 from sim.run.meet_loop import MeetLoop
 
 STATES = (THERE, UNDER_WAY, BLOCKED, NOBODY, WITHDRAWN)
 PERSON = "person."  # what the arrays of the person begin with
-
-Progress = Callable[[str, int, int], None]
 
 
 class TargetColumns:
@@ -48,15 +50,13 @@ class TargetColumns:
 
     Args:
         loop: The loop; not begun.
-        obj: What the robot holds.
-        grasps: Of the person, at most.
     """
 
     format = TARGETS
 
-    def __init__(self, loop: MeetLoop, obj: HeldObject, grasps: int) -> None:
+    def __init__(self, loop: MeetLoop) -> None:
         """Hold no frame yet."""
-        self.loop, self.obj, self.grasps = loop, obj, grasps
+        self.loop = loop
         self._people: list[Human] = []
         self._state, self._quality = Column(np.uint8), Column(np.float64)
         self._best = Column(np.float64)
@@ -78,12 +78,12 @@ class TargetColumns:
         told = {
             "states": list(STATES),
             "reach": meet.reach.hash,
-            "grasps": self.grasps,
+            "grasps": len(meet.grasps),
             "dwell_s": loop.dwell_s,
             "side": meet.settings.side,
             "quality": asdict(meet.settings.quality),
             "live": asdict(loop.live.settings),
-            "held": held_told(self.obj),
+            "held": held_told(meet.obj),
             "person": body_told(self._people[0]),
         }
         return {"targets": told}
@@ -142,21 +142,14 @@ def targets_again(
             f"the run was recorded with the reach map {told['reach'][:12]}, but this "
             f"is {reach.hash[:12]}; give the one it was recorded with (--reach)"
         )
-    loop, obj = _loop(record, cell_map, reach), held_of(told["held"])
-    recorder = Recorder(loop, cell_map, TargetColumns(loop, obj, told["grasps"]))
-    for i in range(1, record.frames + 1):
-        recorder.add(loop.frame())
-        if progress is not None and (i % 50 == 0 or i == record.frames):
-            progress("frames", i, record.frames)
-    return recorder.record()
+    loop = _loop(record, cell_map, reach)
+    recorder = Recorder(loop, cell_map, TargetColumns(loop))
+    return recorded_again(record, recorder, progress)
 
 
 def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     head, told = record.head, record.head["targets"]
-    asked = known(PlannerSettings, head["planner"]["settings"])
-    planner = ReactivePlanner(cell_map, head["planner"]["always_replan"], asked)
-    set_up(planner, record.scene)
-    person = RecordedPartner(record)
+    planner, person = planner_of(record, cell_map), RecordedPartner(record)
     quality = known(QualitySettings, _with_rows(told["quality"]))
     settings = MeetSettings(side=told["side"], quality=quality)
     obj, someone = held_of(told["held"]), person.human(0.0)
