@@ -3,7 +3,8 @@
 The first word is the entry of the table, the others are a command line of `odm`. It is
 run in this process; the loops it used are written down, and for those that were
 compiled meanwhile (all, with an empty NUMBA_CACHE_DIR) what they cost on this core.
-See `sim.terminal.compiling`.
+See `sim.terminal.compiling`. Without a command line (`... warmup`) it compiles what the
+table of types has for that entry, the same loops that `sim.terminal.ahead` compiles.
 """
 
 import json
@@ -14,6 +15,8 @@ from contextlib import suppress
 
 from numba.core.event import Event, Listener
 
+from roadmap.unfinished import temporary_folder
+from sim.terminal.ahead import compile_all
 from sim.terminal.compiling import TABLE
 
 OURS = ("roadmap", "odm", "handover", "sim")
@@ -73,11 +76,15 @@ def main() -> None:
     _, entry, *sys.argv[1:] = sys.argv
     costs = Costs()
     event.register("numba:compile", costs)
-    with suppress(SystemExit):
-        odm()
+    if sys.argv[1:]:
+        with suppress(SystemExit):
+            odm()
+        needed = set(used())
+    else:
+        with temporary_folder() as folder:
+            needed = {name_of(loop) for loop in compile_all(entry, folder)}
     rows = json.loads(TABLE.read_text())
-    needed = used()
-    for name in sorted(set(rows) | set(needed)):
+    for name in sorted(set(rows) | needed):
         cost, by = rows.get(name, (0.3, ""))
         cost = round(costs.seconds.get(name, cost), 2)
         words = set(by.split()) - {entry} | ({entry} if name in needed else set())

@@ -8,14 +8,16 @@ import typer
 from sim.cli.build_command import built_map
 from sim.run.request import RunRequest
 from sim.story.request import MAINTENANCE, WORK, DemoRequest
+from sim.terminal.ahead import compile_ahead
 from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
-from sim.terminal.progress import Bars
+from sim.terminal.progress import Bars, now_compiling
 
 if TYPE_CHECKING:
     from odm import Recipe
 
 DEMO, STORY = "demo", "story"  # recipes, and the folders of their maps
+# (the second is also the name of what a hand-over compiles, in the tables)
 
 
 @from_request(RunRequest)
@@ -84,10 +86,15 @@ def _hand_over(request: DemoRequest) -> None:
 
         live = KeyboardStory(request.lasts())
         live.open()
+    now_compiling(STORY)
+    if request.map_dir is None:
+        with Bars():
+            compile_ahead(STORY)
     folder = request.map_dir or built_map(load_recipe(STORY), request.threads)
     cell_map = load_map(folder)
     pads_of(cell_map.robot, request.pads or ())  # told before a map of reach is built
     with Bars() as tell:
+        compile_ahead(STORY)  # nothing is left where it was done above
         reach = reach_map_of(cell_map.robot, request.reach, tell)
     if request.story == MAINTENANCE:
         from sim.maintenance.tell import tell_cycles

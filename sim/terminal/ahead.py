@@ -47,6 +47,17 @@ def compile_ahead(command: str) -> int:
         return sum(name.endswith(".done") for name in os.listdir(folder))
 
 
+def compile_all(command: str, folder: Path) -> list:
+    """Compile what a command needs in this process alone; return its loops.
+
+    Args:
+        command: Its name in the table.
+        folder: An empty one, for notes of what is done.
+    """
+    _work(folder, command, [])
+    return [loop for loop, *_ in _jobs(command)]
+
+
 def _cores() -> int:
     return len(os.sched_getaffinity(0))
 

@@ -104,6 +104,12 @@ def pulse(command: str) -> Iterator[Pulse]:
         _pulse = None
 
 
+def now_compiling(command: str) -> None:
+    """Tell from here on how far the loops of this entry of the table are."""
+    if _pulse is not None:
+        _pulse.compiling = Compiling(command)
+
+
 def silence() -> None:
     """Say no more in this command: its screen is somebody else's."""
     if _pulse is not None:

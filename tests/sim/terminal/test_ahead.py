@@ -5,11 +5,13 @@ import os
 import threading
 from pathlib import Path
 
+import pytest
 from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 
 from sim.bench.compile_jobs import Types
 from sim.terminal import ahead
+from sim.terminal.compiling import Compiling
 
 
 def test_types_come_back_as_they_were_written():
@@ -25,11 +27,13 @@ def test_types_come_back_as_they_were_written():
     assert [there[k] for k in at] == given
 
 
-def test_the_table_names_loops_that_are_there():
-    jobs = ahead._jobs("run")
+@pytest.mark.parametrize("command", ["run", "story", "warmup"])
+def test_the_table_names_loops_that_are_there(command):
+    jobs = ahead._jobs(command)
     rows = json.loads(ahead.TABLE.read_text())["jobs"]
-    named = sum("run" in by.split() for *_, by in rows)
-    assert len(jobs) > 0.95 * named, "python -m sim.bench.compile_jobs run FOLDER"
+    named = sum(command in by.split() for *_, by in rows)
+    remedy = f"python -m sim.bench.compile_jobs {command} FOLDER"
+    assert len(jobs) > 0.95 * named > 0, remedy
     for k, (loop, given, before) in enumerate(jobs):
         assert isinstance(loop, Dispatcher)
         assert None not in given
@@ -104,3 +108,13 @@ def test_the_others_end_with_the_command(monkeypatch):
     with ahead._beside(1, Path("/nowhere"), "run") as others:
         assert others[0].is_alive()
     assert not others[0].is_alive()
+
+
+@pytest.mark.parametrize("command", ["run", "story", "warmup"])
+def test_what_is_compiled_ahead_is_what_is_told_to_be_missing(command):
+    """Two tables: the types of the loops of a command, and what each loop costs."""
+    rows = json.loads(ahead.TABLE.read_text())["jobs"]
+    ours = [row for row in rows if command in row[3].split()]
+    compiled = {f"{module}.{name}" for module, name, *_ in ours}
+    told = set(Compiling(command).wanted)
+    assert len(compiled & told) > 0.95 * len(compiled | told)
