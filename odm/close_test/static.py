@@ -156,18 +156,20 @@ class StaticTest:
         self.place_bare = self.arm.spheres[:, 3] + self.safety.m + extra
 
     def motions_free(
-        self, q: np.ndarray, dq: np.ndarray, more: float = 0.0
+        self, q: np.ndarray, dq: np.ndarray, more: float = 0.0, nearer: float = 0.0
     ) -> np.ndarray:
         """Test motions q + t dq, t in [0, 1]; (k, dof) twice -> (k,) bool.
 
-        With `more` every point of the robot may be so far beside the motion [m].
+        With `more` every point of the robot may be so far beside the motion [m]. With
+        `nearer` scenery may be so much nearer than the clearance [m]; what the robot
+        keeps from itself stays.
         """
         q, dq = writable(q), writable(dq)
         result = np.zeros(len(q), np.bool_)
         parts = [slice(k, k + _CHUNK) for k in range(0, len(q), _CHUNK)]
 
         def run(part: slice) -> None:
-            still, scratch = self.still(more), self.scratch()
+            still, scratch = self.still(more, nearer), self.scratch()
             kernels.motions_free(still, q[part], dq[part], scratch, result[part])
 
         if len(parts) <= 1 or self.threads == 1:
@@ -242,12 +244,13 @@ class StaticTest:
             known = self.own_scratch.links = (self.robot, links)
         return known[1]
 
-    def still(self, more: float = 0.0) -> kernels.Still:
+    def still(self, more: float = 0.0, nearer: float = 0.0) -> kernels.Still:
         """Return all that stands still, with the scratch of this thread."""
         radii, place_radii, bare = self.radii, self.place_radii, self.place_bare
-        if more:
-            radii, place_radii = radii + more, place_radii + more
-            bare = bare + more
+        grown = more - nearer
+        if grown:
+            radii, place_radii = radii + grown, place_radii + grown
+            bare = bare + grown
         if not hasattr(self.own_scratch, "work"):
             self.own_scratch.work = self.new_work()
         work = self.own_scratch.work
@@ -256,7 +259,7 @@ class StaticTest:
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
             finest=self.finest,
-            solids=self._solids(more),
+            solids=self._solids(grown),
             scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
             cloud=self.cloud,
             place=Clearance(self.arm, place_radii, bare, self.tolerance, work),

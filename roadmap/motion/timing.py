@@ -12,7 +12,14 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Result, Ruckig, Trajectory
+from ruckig import (
+    ControlInterface,
+    InputParameter,
+    Result,
+    Ruckig,
+    RuckigError,
+    Trajectory,
+)
 
 from roadmap.errors import BadInput, PlanningError
 from roadmap.motion._timing import reachable
@@ -212,11 +219,26 @@ class ProfileBuilder:
         self._input.current_velocity = [begin.v]
         self._input.current_acceleration = [begin.a]
 
+    def _calculated(self) -> Trajectory:
+        """Return what ruckig finds; on the border between two kinds of profiles, beside.
+
+        As far as the limits just so lead (a rest-to-rest motion of 2 a^3 / j^2), it
+        often finds none of either kind.
+        """
+        trajectory, limit = Trajectory(1), self._input.max_acceleration[0]
+        why: object = None
+        for less in (0.0, 1e-9, 1e-6):
+            self._input.max_acceleration = [limit * (1.0 - less)]
+            try:
+                why = self._otg.calculate(self._input, trajectory)
+            except RuckigError as error:
+                why = str(error).strip().partition("\n")[0]
+            if why in (Result.Working, Result.Finished):
+                return trajectory
+        raise NoProfile(f"ruckig finds no profile from {self.state}: {why}")
+
     def _run(self, s_end: float | None, v_end: float) -> None:
-        trajectory = Trajectory(1)
-        result = self._otg.calculate(self._input, trajectory)
-        if result not in (Result.Working, Result.Finished):
-            raise NoProfile(f"ruckig finds no profile from {self.state}: {result}")
+        trajectory = self._calculated()
         profile = trajectory.profiles[0][0]
         t, (s, v, a) = self.t, self.state
         steps = [*zip(profile.brake.t, profile.brake.j, strict=True)]

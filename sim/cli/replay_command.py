@@ -278,10 +278,10 @@ def _repeat_cycle(
 ) -> None:
     """Do the same with each hand-over of a maintenance cycle."""
     from sim.maintenance.cases import tools_of
-    from sim.maintenance.record import is_same_again
+    from sim.maintenance.record import is_same_again, work_place_of
 
-    pads = _pads_of(found.head["parts"][0])
-    if not is_same_again(found, tools_of(cell_map, reach, pads)):
+    told = _pads_of(found.head["parts"][0]), work_place_of(found)
+    if not is_same_again(found, tools_of(cell_map, reach, *told)):
         print(f"odm: the replay of {path} differs", file=sys.stderr)
         raise typer.Exit(1)
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")

@@ -7,7 +7,7 @@ import typer
 
 from sim.cli.build_command import built_map
 from sim.run.request import RunRequest
-from sim.story.request import MAINTENANCE, WORK, DemoRequest
+from sim.story.request import MAINTENANCE, PANDA, WORK, DemoRequest
 from sim.terminal.ahead import compile_ahead
 from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
@@ -53,7 +53,7 @@ def demo(request: DemoRequest) -> None:
     from them and puts it down); `odm demo maintenance` gives three tools in turn to a
     person on a ladder, and takes each back; see docs/story.md.
     """
-    if request.story != WORK and (request.map_dir or _brings_panda()):
+    if request.story != WORK and (_own_robot(request) or _brings_panda()):
         _hand_over(request)
         return
     if request.story != WORK:
@@ -73,6 +73,7 @@ def demo(request: DemoRequest) -> None:
 
 def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
+    from sim.maintenance.cases import WORK_PLACES
     from sim.run.meet import reach_map_of
     from sim.story.cases import pads_of
     from sim.story.request import KEYBOARD, MOCAP
@@ -90,9 +91,11 @@ def _hand_over(request: DemoRequest) -> None:
     if request.map_dir is None:
         with Bars():
             compile_ahead(STORY)
-    folder = request.map_dir or built_map(load_recipe(STORY), request.threads)
+    at = WORK_PLACES[request.robot or PANDA]
+    folder = request.map_dir or built_map(load_recipe(at.recipe), request.threads)
     cell_map = load_map(folder)
-    pads_of(cell_map.robot, request.pads or ())  # told before a map of reach is built
+    # told before a map of reach is built
+    pads_of(cell_map.robot, request.pads or at.pads)
     with Bars() as tell:
         compile_ahead(STORY)  # nothing is left where it was done above
         reach = reach_map_of(cell_map.robot, request.reach, tell)
@@ -107,6 +110,11 @@ def _hand_over(request: DemoRequest) -> None:
     touched = found["contacts"] or found.get("object_contacts", 0)
     if touched or found.get("whole", 1) < request.cycles:
         raise typer.Exit(1)
+
+
+def _own_robot(request: DemoRequest) -> bool:
+    """Return whether it is played with another robot than the Panda."""
+    return request.map_dir is not None or request.robot not in (None, PANDA)
 
 
 def _brings_panda() -> bool:

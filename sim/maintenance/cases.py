@@ -11,28 +11,76 @@ from odm import CellMap, ReactivePlanner
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
-from roadmap.transforms import pose_of
 from sim.people.partner import PartnerTraits
-from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
+from sim.people.whole_person import BASE_HEIGHT
 from sim.story.cases import (
-    HOLDER,
     StoryCase,
     StorySetup,
     grasp_spare,
+    holder_at,
     in_reach,
+    on_floor,
+    rest_of,
     setup_of,
     upright,
 )
 from sim.story.cases import story_wrench as whole_wrench
 from sim.story.grasping import box_of, held_farther_out
+from sim.story.request import ARMAR3, PANDA
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
-PLACES_XY = ((0.38, -0.42), (0.20, -0.46), (0.53, -0.33))  # where they stand [m]
-# where the ladder stands, from the robot's base [m], and how far aside [deg]
-NEAR, FAR, ASIDE = 0.65, 0.85, 20.0
 HEIGHTS = 1.55, 1.90  # of the person [m]
 _TIP = 0.02  # [m] from the tool to the end of the jaw that the fingers hold
 _END = 0.11  # [m] from the middle of the wrench to that end
+
+
+@dataclass(frozen=True)
+class WorkPlace:
+    """Where a robot, the table with the tools and the ladder stand.
+
+    Attributes:
+        recipe: Name of the recipe of the robot's map.
+        pads: Links that may touch a tool; empty: see `sim.story.cases.pads_of`.
+        base_height: Of the robot's base above the floor of the ladder [m].
+        table: How high the table is, base frame [m].
+        places_xy: Where each tool stands on it, base frame [m].
+        distances: Nearest and farthest place of the ladder from the base [m].
+        bearings: Of the ladder, seen from the base: least and most [deg].
+    """
+
+    recipe: str = "story"
+    pads: tuple[str, ...] = ()
+    base_height: float = BASE_HEIGHT
+    table: float = 0.0
+    places_xy: tuple[tuple[float, float], ...] = (
+        (0.38, -0.42),
+        (0.20, -0.46),
+        (0.53, -0.33),
+    )
+    distances: tuple[float, float] = (0.65, 0.85)
+    bearings: tuple[float, float] = (-20.0, 20.0)
+
+    @classmethod
+    def told(cls, kept: dict) -> "WorkPlace":
+        """Return it again from plain data, as a recording keeps it."""
+        places = tuple(map(tuple, kept["places_xy"]))
+        rest = {k: tuple(v) if isinstance(v, list) else v for k, v in kept.items()}
+        return cls(**rest | {"places_xy": places})
+
+
+BESIDE_PANDA = WorkPlace()
+WORK_PLACES = {
+    PANDA: BESIDE_PANDA,
+    ARMAR3: WorkPlace(  # the table is low and on its left, so that the hand hangs down
+        "armar3_tools",
+        ("hand",),
+        base_height=0.0,
+        table=0.57,
+        places_xy=((0.22, 0.48), (0.05, 0.48), (0.39, 0.48)),
+        distances=(1.20, 1.35),
+        bearings=(0.0, 20.0),
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -44,21 +92,28 @@ class LadderCase(StoryCase):
         d, b = self.distance, self.bearing
         body = Human(self.height, "ladder")
         body = body.placed(d * np.cos(b), d * np.sin(b), b + np.pi)
-        T = body.T_world_pelvis.copy()
-        T[2, 3] -= BASE_HEIGHT
-        return body.moved(T).looking_at(LOOKED_AT)
+        return on_floor(body, self.base_height)
 
     @classmethod
-    def drawn_at(cls, seed: int, draw: int = 0) -> "LadderCase":
-        """Return a case of a seed; `draw` counts those that were not in reach."""
+    def drawn_at(
+        cls, seed: int, draw: int = 0, at: WorkPlace = BESIDE_PANDA
+    ) -> "LadderCase":
+        """Return a case of a seed.
+
+        Args:
+            seed: Of the draws.
+            draw: Counts those that were not in reach.
+            at: Where the ladder can stand.
+        """
         rng = np.random.default_rng([seed, draw, 19])
         return cls(
             "give",
             seed,
-            float(rng.uniform(NEAR, FAR)),
-            float(np.radians(rng.uniform(-ASIDE, ASIDE))),
+            float(rng.uniform(*at.distances)),
+            float(np.radians(rng.uniform(*at.bearings))),
             float(rng.uniform(*HEIGHTS)),
             PartnerTraits.drawn(rng),
+            at.base_height,
         )
 
     def of(self, direction: str) -> "LadderCase":
@@ -80,9 +135,7 @@ class ToolSetup(StorySetup):
         """Return a planner that knows all holders, and the tools in the others."""
         planner = super().planner()
         for k, (tool, T_place) in enumerate(self.others):
-            x, y = T_place[:2, 3]
-            T = pose_of((x, y, 0.5 * HOLDER[2] + 0.002), (0.0, 0.0, 0.0))
-            planner.scene.add(f"holder {k + 2}", Box(np.array(HOLDER), T))
+            planner.scene.add(f"holder {k + 2}", holder_at(T_place, self.table))
             box = box_of(tool)
             standing = Box(box.size, T_place @ box.T_base_shape)
             planner.scene.add(f"tool {k + 2}", standing)
@@ -104,44 +157,66 @@ def wrench_of(size: float) -> HeldObject:
 
 
 def tools_of(
-    cell_map: CellMap, reach: ReachMap, pads: Sequence[str] = ()
+    cell_map: CellMap,
+    reach: ReachMap,
+    pads: Sequence[str] = (),
+    at: WorkPlace = BESIDE_PANDA,
 ) -> tuple[ToolSetup, ...]:
     """Return the setup of each tool, in the order in which they are asked for.
 
     Args:
         cell_map: The robot's map.
         reach: Its reach map.
-        pads: Links that may touch a tool; see `sim.story.cases.pads_of`.
+        pads: Links that may touch a tool; empty: those of the work place.
+        at: Where the tools stand.
 
     Raises:
         BadInput: The robot has no fingers.
     """
-    shared = setup_of(cell_map, reach, place=False, pads=pads)
+    shared = setup_of(cell_map, reach, place=False, pads=pads or at.pads)
     planner, nodes = shared.planner(), shared.index.nodes
     spare = grasp_spare(cell_map.robot)
     whole = [wrench_of(size) for size in SIZES]
     tools = [held_farther_out(planner, tool, nodes, spare) for tool in whole]
-    standing = [(t, upright(t, xy)) for t, xy in zip(tools, PLACES_XY, strict=True)]
+    standing = [
+        (tool, upright(tool, xy, at.table))
+        for tool, xy in zip(tools, at.places_xy, strict=True)
+    ]
     setups = []
     for k, (tool, T_place) in enumerate(standing):
-        setups.append(
-            ToolSetup(
-                cell_map,
-                reach,
-                tool,
-                shared.index,
-                shared.rest,
-                shared.side,
-                shared.pads,
-                T_place=T_place,
-                others=tuple(standing[:k] + standing[k + 1 :]),
-            )
+        setup = ToolSetup(
+            cell_map,
+            reach,
+            tool,
+            shared.index,
+            shared.rest,
+            shared.side,
+            shared.pads,
+            T_place=T_place,
+            others=tuple(standing[:k] + standing[k + 1 :]),
+            table=at.table,
         )
-    return tuple(setups)
+        setups.append(setup)
+    rest = rest_of(_all_standing(setups[0]), shared.index, max(tools, key=_length))
+    return tuple(replace(setup, rest=rest) for setup in setups)
+
+
+def _all_standing(setup: ToolSetup) -> ReactivePlanner:
+    """Return a planner that knows all tools in their places, its own, too."""
+    standing = (*setup.others, (setup.obj, setup.T_place))
+    return replace(setup, T_place=None, others=standing).planner()
+
+
+def _length(tool: HeldObject) -> float:
+    return float(box_of(tool).size.max())
 
 
 def case_in_reach(
-    setups: tuple[ToolSetup, ...], seed: int, draws: int = 40, apart: float = 0.05
+    setups: tuple[ToolSetup, ...],
+    seed: int,
+    draws: int = 40,
+    apart: float = 0.05,
+    at: WorkPlace = BESIDE_PANDA,
 ) -> LadderCase:
     """Return the first case of a seed in which both ways are in reach, for each tool.
 
@@ -154,12 +229,13 @@ def case_in_reach(
         seed: Of the draws.
         draws: Cases that are drawn until one is in reach.
         apart: A tool that is held out is so far from the arm at rest [m].
+        at: Where the ladder can stand.
 
     Raises:
         BadInput: None of the draws is.
     """
     for draw in range(draws):
-        case = LadderCase.drawn_at(seed, draw)
+        case = LadderCase.drawn_at(seed, draw, at)
         if all(_goes_both_ways(setup, case, apart) for setup in setups):
             return case
     raise BadInput(

@@ -1,24 +1,32 @@
 """A cycle recorded as one run, and played again hand-over by hand-over."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from roadmap.errors import BadInput
-from sim.maintenance.cases import ToolSetup, placed
+from sim.maintenance.cases import BESIDE_PANDA, ToolSetup, WorkPlace, placed
 from sim.record.run_record import RunRecord
 from sim.story.machine import DIRECTIONS
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.record import StoryRecorder, play_again, same
 
 PARTS = "parts"  # of a recording's head: each hand-over's own head
+WORK_PLACE = "work_place"  # ... and where they were
 KIND = "odm demo maintenance"
 _NOTHING = np.zeros((0, 7))
 
 
 class CycleRecorder:
-    """Takes the moments of a cycle; see `sim.maintenance.play.play_cycle`."""
+    """Takes the moments of a cycle; see `sim.maintenance.play.play_cycle`.
 
-    def __init__(self) -> None:
+    Args:
+        at: Where the table and the ladder stand.
+    """
+
+    def __init__(self, at: WorkPlace = BESIDE_PANDA) -> None:
         """Hold nothing yet."""
+        self._at = at
         self._parts: list[StoryRecorder] = []
 
     def add(self, run: StoryPlay, moment: StoryMoment) -> None:
@@ -37,7 +45,15 @@ class CycleRecorder:
             raise BadInput("no frame was run, so there is nothing to record")
         parts = [part.record() for part in self._parts]
         standing = [_standing(part.run.setup) for part in self._parts]
-        return _joined(parts, standing)
+        made = _joined(parts, standing)
+        made.head[WORK_PLACE] = asdict(self._at)
+        return made
+
+
+def work_place_of(record: RunRecord) -> WorkPlace:
+    """Return where the table and the ladder stood; older recordings are the Panda's."""
+    kept = record.head.get(WORK_PLACE)
+    return BESIDE_PANDA if kept is None else WorkPlace.told(kept)
 
 
 def parts_of(record: RunRecord) -> list[RunRecord]:

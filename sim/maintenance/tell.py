@@ -11,9 +11,16 @@ from odm import CellMap
 from sim.draw.film import FilmSettings
 from sim.draw.viewpoint import Camera
 from sim.loop.run_result import percentiles
-from sim.maintenance.cases import ToolSetup, case_in_reach, tools_of
+from sim.maintenance.cases import (
+    WORK_PLACES,
+    ToolSetup,
+    WorkPlace,
+    case_in_reach,
+    tools_of,
+)
 from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
 from sim.maintenance.record import CycleRecorder
+from sim.people.whole_person import BASE_HEIGHT
 from sim.record import write_record
 from sim.record.run_record import RunRecord
 from sim.run.demo import open_world
@@ -21,7 +28,7 @@ from sim.story.cases import StorySetup, slow_to_stop
 from sim.story.film import write_story_film
 from sim.story.play import StoryMoment, StoryPlay
 from sim.story.rehearsal import rehearse
-from sim.story.request import DemoRequest
+from sim.story.request import PANDA, DemoRequest
 from sim.story.tell import figures_of, line_of, wrist_of
 from sim.story.wrist import Wrist
 from sim.tables.header import header
@@ -41,10 +48,13 @@ class LadderFilm(FilmSettings):
     fov_deg: float = 44.0
     max_bytes: int = 8_000_000  # it lasts a minute and a half
 
+    base_height: float = BASE_HEIGHT  # of the robot above the floor [m]
+
     def camera(self) -> Camera:
         """Return the camera, farther off and looking higher."""
-        near = super().camera()
-        return replace(near, eye=(1.1, -2.6, 1.35), target=(0.45, 0.0, 0.55))
+        up = BASE_HEIGHT - self.base_height
+        eye, target = (1.1, -2.6, 1.35 + up), (0.45, 0.0, 0.55 + up)
+        return replace(super().camera(), eye=eye, target=target)
 
 
 def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
@@ -63,7 +73,8 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
-    setups = tools_of(cell_map, reach, request.pads or ())
+    at = WORK_PLACES[request.robot or PANDA]
+    setups = tools_of(cell_map, reach, request.pads or (), at)
     if slow := slow_to_stop(cell_map.robot):
         say(slow)
     with Bars("rehearsing"):
@@ -71,12 +82,12 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     files: list[Path] = []
     cycles = []
     for seed in range(request.seed, request.seed + request.cycles):
-        recorder = CycleRecorder() if not cycles else None
-        result = _played(setups, seed, recorder, say)
+        recorder = CycleRecorder(at) if not cycles else None
+        result = _played(setups, at, seed, recorder, say)
         say(summary_of(result))
         if recorder is not None:
             record = recorder.record()
-            files += _written(request, record, cell_map)
+            files += _written(request, record, cell_map, at)
             for file in files:
                 say(str(file))
         cycles.append(figures_of_cycle(result))
@@ -93,11 +104,12 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
 
 def _played(
     setups: tuple[ToolSetup, ...],
+    at: WorkPlace,
     seed: int,
     recorder: CycleRecorder | None,
     say: Callable[[str], None],
 ) -> CycleResult:
-    case = case_in_reach(setups, seed)
+    case = case_in_reach(setups, seed, at=at)
     say(
         f"seed {seed}: the ladder stands at {case.distance:.2f} m, "
         f"{np.degrees(case.bearing):.0f} deg, the person is {case.height:.2f} m tall"
@@ -128,7 +140,9 @@ def _wrist(setup: StorySetup) -> Wrist:
     return wrist_of(setup)[0]
 
 
-def _written(request: DemoRequest, record: RunRecord, cell_map: CellMap) -> list[Path]:
+def _written(
+    request: DemoRequest, record: RunRecord, cell_map: CellMap, at: WorkPlace
+) -> list[Path]:
     """Write the recording where it was asked for, and the film."""
     files = []
     if request.record is not None:
@@ -138,8 +152,8 @@ def _written(request: DemoRequest, record: RunRecord, cell_map: CellMap) -> list
         world, _ = open_world(cell_map)
     with world, Bars("writing the film") as tell:
         film.parent.mkdir(parents=True, exist_ok=True)
-        told = record, robot, world, film, LadderFilm(), tell
-        files.append(write_story_film(*told))
+        look = LadderFilm(base_height=at.base_height)
+        files.append(write_story_film(record, robot, world, film, look, tell))
     return files
 
 

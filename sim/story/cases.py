@@ -75,6 +75,7 @@ class StoryCase:
         bearing: Seen from the robot [rad].
         height: Of the person [m].
         traits: How the person behaves.
+        base_height: Of the robot's base above the floor of the person [m].
     """
 
     direction: str = "give"
@@ -83,6 +84,7 @@ class StoryCase:
     bearing: float = 0.0
     height: float = 1.75
     traits: PartnerTraits = field(default_factory=PartnerTraits)
+    base_height: float = BASE_HEIGHT
 
     @classmethod
     def drawn(cls, direction: str, seed: int) -> "StoryCase":
@@ -101,9 +103,20 @@ class StoryCase:
         """Return the person, arms at rest, who faces the robot; base frame."""
         d, b = self.distance, self.bearing
         body = Human(self.height).placed(d * np.cos(b), d * np.sin(b), b + np.pi)
-        T = body.T_world_pelvis.copy()
-        T[2, 3] -= BASE_HEIGHT
-        return body.moved(T).looking_at(LOOKED_AT)
+        return on_floor(body, self.base_height)
+
+
+def on_floor(body: Human, base_height: float) -> Human:
+    """Return a person who stands on their floor, not at the base's height, and looks.
+
+    Args:
+        body: The person, feet as high as the robot's base.
+        base_height: Of the robot's base above the floor [m].
+    """
+    T = body.T_world_pelvis.copy()
+    T[2, 3] -= base_height
+    x, y, z = LOOKED_AT
+    return body.moved(T).looking_at((x, y, z + BASE_HEIGHT - base_height))
 
 
 def story_wrench() -> HeldObject:
@@ -114,11 +127,24 @@ def story_wrench() -> HeldObject:
     return held.held_by(T)
 
 
-def upright(obj: HeldObject, xy: Sequence[float]) -> np.ndarray:
-    """Return (4, 4) where a wrench stands upright in a holder, base frame [m]."""
+def upright(obj: HeldObject, xy: Sequence[float], table: float = 0.0) -> np.ndarray:
+    """Return (4, 4) where a wrench stands upright in a holder, base frame [m].
+
+    Args:
+        obj: The wrench.
+        xy: Where, base frame [m].
+        table: How high the table is, base frame [m].
+    """
     low = float((obj.capsules[:, [0, 3]] + obj.capsules[:, 6:7]).max())
-    T = pose_of((*xy, low + 0.01), (0.0, 0.5 * np.pi, 0.0))
+    T = pose_of((*xy, table + low + 0.01), (0.0, 0.5 * np.pi, 0.0))
     return T  # the object's x, from jaw to handle, points down
+
+
+def holder_at(T_place: np.ndarray, table: float = 0.0) -> Box:
+    """Return the holder in which an object stands `upright` at T_place (4, 4)."""
+    x, y = T_place[:2, 3]
+    T = pose_of((x, y, table + 0.5 * HOLDER[2] + 0.002), (0.0, 0.0, 0.0))
+    return Box(np.array(HOLDER), T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +161,7 @@ class StorySetup:
         T_place: (4, 4) the object's place on the table; None: none.
         T_others: (n, 4, 4) other places on it, where it is put down when that one is
             not free.
+        table: How high the table is, base frame [m].
     """
 
     cell_map: CellMap
@@ -146,6 +173,7 @@ class StorySetup:
     pads: tuple[str, ...] = FINGERS
     T_place: np.ndarray | None = None
     T_others: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    table: float = 0.0
 
     def places(self) -> np.ndarray | None:
         """Return (n, 4, 4) all places of the object, its own first; None: none."""
@@ -164,9 +192,7 @@ class StorySetup:
         )
         planner = ReactivePlanner(self.cell_map, settings=settings)
         if self.T_place is not None:
-            x, y = self.T_place[:2, 3]
-            T = pose_of((x, y, 0.5 * HOLDER[2] + 0.002), (0.0, 0.0, 0.0))
-            planner.scene.add("holder", Box(np.array(HOLDER), T))
+            planner.scene.add("holder", holder_at(self.T_place, self.table))
         return planner
 
     def meet(self, human: Human) -> InteractionWorkspace:
@@ -235,20 +261,27 @@ def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
     )
 
 
-def rest_of(
-    cell_map: CellMap, index: NodeIndex, thing: object, T_tool_object: np.ndarray
-) -> np.ndarray:
+def rest_of(planner: ReactivePlanner, index: NodeIndex, obj: HeldObject) -> np.ndarray:
     """Return (dof,) a node at which the robot waits with the object in its hand.
 
     There it is as compact as can be: nothing of it, the object included, is far out to
-    where people stand, and the joints are near the middles of their ranges.
+    where people stand, and the joints are near the middles of their ranges. It is clear
+    of all that stands about with the object held by any of its grasps: as it is given
+    back, nobody knows before.
+
+    Args:
+        planner: Knows what stands about; nothing is in its hand.
+        index: Nodes of its roadmap.
+        obj: What is held.
 
     Raises:
         BadInput: At no node is it free with the object.
     """
-    planner = ReactivePlanner(cell_map)
-    planner.attach(thing, T_tool_object)
-    loaded, robot = planner.static.robot, cell_map.robot
+    robot = planner.robot
+    thing = carried_object(box_of(obj))
+    grasps = quarter_turns(obj.T_tool_object, obj.turns)
+    held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
+    loaded = held[0].robot
     middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
     scores = []
     for q in index.nodes:
@@ -256,12 +289,14 @@ def rest_of(
         far = np.linalg.norm(centers[:, :2], axis=1) + loaded.spheres[:, 3]
         out = far[centers[:, 0] > 0.0].max(initial=0.0)
         scores.append(out + 0.1 * float(np.linalg.norm((q - middle) / half)))
+    still = np.zeros(robot.dof)
     for node in np.argsort(scores, kind="stable").tolist():
-        if is_valid(planner, index.nodes[node]):
-            return np.array(index.nodes[node])
+        q = np.array(index.nodes[node])
+        if all(test.motion_free(q, still) for test in held):
+            return q
     raise BadInput(
-        f"map {cell_map.recipe.name} has no node at which the robot is free with the "
-        "object in its hand; give a map with more nodes, or another grasp"
+        f"map {planner.cell_map.recipe.name} has no node at which the robot is free "
+        "with the object in its hand; give a map with more nodes, or another grasp"
     )
 
 
@@ -350,8 +385,7 @@ def setup_of(
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
         told = story_wrench(), index.nodes, grasp_spare(robot)
         obj = held_farther_out(planner, *told)
-    held = carried_object(box_of(obj))
-    rest = rest_of(cell_map, index, held, obj.T_tool_object)
+    rest = rest_of(ReactivePlanner(cell_map), index, obj)
     setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
     if place:
         setup = replace(setup, T_place=place_in_reach(setup))

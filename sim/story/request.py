@@ -8,7 +8,7 @@ from sim.terminal.checks import FILM, PICTURES, SECONDS, Limits, Writes
 from sim.terminal.flags import Json, Seed, Threads, argument, flag
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
-FINGERLESS = "armar3"
+PANDA, ARMAR3 = "panda", "armar3"  # robots of the maintenance demo
 MOCAP, KEYBOARD = "mocap", "keyboard"
 LASTS_S = 30.0  # of a demo [s]
 
@@ -87,7 +87,9 @@ class DemoRequest:
         None, "Write the hand-over as a film.", metavar="GIF", writes=FILM
     )
     robot: str | None = flag(
-        None, "Whose fingers hold the tools (maintenance).", metavar="panda|armar3"
+        None,
+        "Who gives and takes the tools (maintenance); panda if left.",
+        metavar="panda|armar3",
     )
     cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1)
     view: bool = flag(
@@ -166,11 +168,9 @@ class DemoRequest:
                     f"--{word} goes with `odm demo handover`, a maintenance cycle "
                     "gives and takes; leave it out"
                 )
-        if self.robot == FINGERLESS:
+        if self.robot not in (None, PANDA, ARMAR3):
             return (
-                f"--robot {FINGERLESS}: its model has a rigid hand and no fingers, so "
-                "it can hold no tool here; choose panda"
+                f"--robot is {self.robot!r}: choose {PANDA} or {ARMAR3}, or give --map "
+                "MAP"
             )
-        if self.robot not in (None, "panda"):
-            return f"--robot is {self.robot!r}: choose panda, or give --map MAP"
         return ""

@@ -5,6 +5,7 @@ import pytest
 from doors import with_door
 from small import HOME, on_its_way
 
+import odm
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
 from roadmap import time_path
@@ -112,3 +113,64 @@ def test_a_way_that_turns_back_or_stands_is_no_trouble(small_map):
     for first in range(n + 1):
         at = int(locate_off_path(m.table, way, first, q, m.robot_state.fraction))
         assert -1 <= at <= n and np.isfinite(m.robot_state.fraction[0])
+
+
+def _beside_a_blend(planner, path):
+    """Return a place on a blend and a point that stands still inside its corner.
+
+    The path keeps its clearance from the point, the blend does not: the robot is up to
+    `safety.blending` off its path there.
+    """
+    static, safety = planner.static, planner.cell_map.safety
+    robot = planner.robot
+    legs = np.diff(path, axis=0)
+    grown = robot.spheres[robot.moving, 3] + safety.rho + safety.m
+    shares = np.linspace(0.0, 1.0, 60)[:, None]
+    on_path = np.vstack([a + shares * d for a, d in zip(path, legs, strict=False)])
+    there = np.array([sphere_centers(robot, q)[robot.moving] for q in on_path])
+    for q in on_blends(planner, path):
+        at = sphere_centers(robot, q)[robot.moving]
+        for i in range(len(at)):
+            k = np.linalg.norm(there[:, i] - at[i], axis=1).argmin()
+            inwards = at[i] - there[k, i]
+            if np.linalg.norm(inwards) < 5e-4:
+                continue
+            inwards /= np.linalg.norm(inwards)
+            point = at[i] + (grown[i] - 3e-4) * inwards
+            planner.set_static(point[None])
+            free = all(
+                static.motion_free(a, d) for a, d in zip(path, legs, strict=False)
+            )
+            if free and not planner.static.motion_free(q, np.zeros_like(q)):
+                return q, point
+    return None
+
+
+def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map):
+    """It was told that its start is not free, and stood for good."""
+    seen = 0
+    for seed in range(30):
+        planner, points, answer = on_its_way(small_map, seed)
+        found = _beside_a_blend(odm.ReactivePlanner(small_map), answer.path)
+        if found is None:
+            continue
+        q, point = found
+        m = planner.memory
+        planner.step(points, q=HOME)
+        segment, _ = planner.path.locate(q)
+        planner.set_static(point[None])
+        m.numbers.where[0] = segment
+        planner.path.certify_off_path(q)
+        assert (m.off_path.free == 1).all()
+        # no nearer to what stands still than tracking and blending may bring it
+        towards = point - sphere_centers(planner.robot, q)[planner.robot.moving]
+        nearest = towards[np.linalg.norm(towards, axis=1).argmin()]
+        tolerance = m.terms.path_tolerance.item() + 1e-3
+        planner.set_static(
+            (point - tolerance * nearest / np.linalg.norm(nearest))[None]
+        )
+        m.numbers.where[0] = segment
+        planner.path.certify_off_path(q)
+        assert (m.off_path.free == 0).all()
+        seen += 1
+    assert seen >= 3

@@ -121,3 +121,15 @@ def test_a_stop_in_closed_form_is_the_one_that_ruckig_finds(rng):
                 assert there == pytest.approx(mine.state, abs=1e-9)
             assert abs(phase.j) <= j and there.a >= -a_most - 1e-9
     assert closed > 800
+
+
+def test_there_is_a_profile_as_far_as_the_limits_just_so_lead(rng):
+    """Between two kinds of profiles ruckig knows none, and raises its own error."""
+    for _ in range(500):
+        a, share = rng.uniform(0.5, 20.0), rng.uniform(2.0, 20.0)
+        j, s = share * a, 2.0 * a / share**2
+        builder = ProfileBuilder(State(0.0, 0.0, 0.0))
+        builder.to_place(s, 0.0, 10.0, a, j)
+        assert builder.state == State(s, 0.0, 0.0)
+        quickest = 4.0 * a / j  # up, down, down, up: each as long as a needs
+        assert builder.t == pytest.approx(quickest, rel=1e-5)
