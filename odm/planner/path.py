@@ -96,10 +96,10 @@ class PathInUse:
         """Test the motions from q, off its segment, to that segment's two ends.
 
         They are new, so that they are tested against all that stands still; against
-        the frame's points where they are used. As q is off the segment by tracking and
-        blending, of which the clearance holds both, so much of it may be missing: a
-        robot that rounds a corner beside something goes on. One test of a tube around
-        the segment answers for all motions that stay inside the tube.
+        the frame's points where they are used. What stands still may be nearer than the
+        clearance by its share for blending, of which a robot that rounds a corner has
+        spent some (decision 0102). One test of a tube around the segment answers for
+        all motions that stay inside the tube.
 
         Args:
             q: (dof,) inside its limits, as `judge` found it.
@@ -120,9 +120,8 @@ class PathInUse:
         if self._tube_is_free and off @ self._certificates.motion_bound <= _TUBE_RADIUS:
             off_path.free[:] = 1
         else:
-            tolerance = self.frame.memory.terms.path_tolerance.item()
             told = np.stack([q, q]), off_path.q[1:] - q
-            off_path.free[:] = static.motions_free(*told, nearer=tolerance)
+            off_path.free[:] = static.motions_free(*told, nearer=static.safety.blending)
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.

@@ -148,10 +148,12 @@ class BlendedPath:
         first = 1
         while first < len(path) and np.abs(path[first] - path[0]).max() <= NEAR:
             first += 1
-        rounded = bool(ahead) and ahead[0].begin < s - NEAR  # its blend has begun
-        for skip in (0, 1) if rounded else (0,):  # the path may leave that corner out
+        begun = 0  # corners whose blend has begun: of two that nearly are one, both
+        while begun < len(ahead) and ahead[begun].begin < s - NEAR:
+            begun += 1
+        for skip in range(begun + 1):  # the path may leave such corners out
             kept = _common(ahead[skip:], path[first:])
-            if kept > (rounded and not skip):
+            if kept > begun - skip:
                 return first + kept - 1, ahead[skip + kept - 1].s
         return 0, s
 

@@ -220,10 +220,10 @@ class ProfileBuilder:
         self._input.current_acceleration = [begin.a]
 
     def _calculated(self) -> Trajectory:
-        """Return what ruckig finds; on the border between two kinds of profiles, beside.
+        """Return what ruckig finds, with a little less acceleration where that is none.
 
-        As far as the limits just so lead (a rest-to-rest motion of 2 a^3 / j^2), it
-        often finds none of either kind.
+        On the border between two kinds of profiles (a motion from rest to rest of
+        2 a^3 / j^2) it often finds neither.
         """
         trajectory, limit = Trajectory(1), self._input.max_acceleration[0]
         why: object = None

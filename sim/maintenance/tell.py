@@ -23,16 +23,13 @@ from sim.maintenance.record import CycleRecorder
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import write_record
 from sim.record.run_record import RunRecord
-from sim.run.demo import open_world
 from sim.story.cases import StorySetup, slow_to_stop
-from sim.story.film import write_story_film
 from sim.story.play import StoryMoment, StoryPlay
 from sim.story.rehearsal import rehearse
 from sim.story.request import PANDA, DemoRequest
-from sim.story.tell import figures_of, line_of, wrist_of
+from sim.story.tell import figures_of, filmed, line_of, wrist_of
 from sim.story.wrist import Wrist
 from sim.tables.header import header
-from sim.terminal.output import stdout_to_stderr
 from sim.terminal.progress import Bars
 
 FILM = "maintenance.gif"
@@ -147,13 +144,8 @@ def _written(
     files = []
     if request.record is not None:
         files.append(write_record(record, request.record))
-    film, robot = request.film or request.out / FILM, cell_map.robot
-    with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map)
-    with world, Bars("writing the film") as tell:
-        film.parent.mkdir(parents=True, exist_ok=True)
-        look = LadderFilm(base_height=at.base_height)
-        files.append(write_story_film(record, robot, world, film, look, tell))
+    look = LadderFilm(base_height=at.base_height)
+    files.append(filmed(record, cell_map, request.film or request.out / FILM, look))
     return files
 
 

@@ -28,6 +28,7 @@ _COLOURS = {
 }
 _WORDS = 0.17  # share of half the picture's height by which it is above the words
 _THING = -1  # the label of what is handed over
+_STEPS, _STEP_BACK = 12, 1.05  # of the camera, until all heads are in the picture
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
 
 
@@ -84,18 +85,30 @@ def _camera(
     whole = settings.camera()
     tan = (1.0 - _WORDS) * np.tan(0.5 * np.radians(whole.fov_deg))
     above_words = replace(whole, fov_deg=float(np.degrees(2.0 * np.arctan(tan))))
-    camera = framed(above_words, np.vstack(robots + arms + rest), cut=0.0)
-    camera = replace(camera, fov_deg=whole.fov_deg)
+    everything = np.vstack(robots + arms + rest)
+    camera = framed(above_words, everything, cut=0.0)
     camera = clearest(camera, list(zip(robots, arms, strict=True)), rest[0])
+    camera = framed(camera, everything, cut=0.0)  # from there some of it may be nearer
+    camera = replace(camera, fov_deg=whole.fov_deg)
+    lifted = _lifted(camera)
+    for _ in range(_STEPS):
+        pixels, distance = lifted.project(everything[:, :3])
+        size = everything[:, 3] * lifted.pixels_per_metre(distance)
+        if (pixels[:, 1] >= size).all():
+            break
+        away = np.subtract(camera.eye, camera.target)
+        eye = np.add(camera.target, _STEP_BACK * away)
+        camera = replace(camera, eye=tuple(eye.tolist()))
+        lifted = _lifted(camera)
+    return lifted
+
+
+def _lifted(camera: Camera) -> Camera:
+    """Return the camera lower down, so that what it looks at is above the words."""
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
-    down = np.array(
-        [0.0, 0.0, _WORDS * away * np.tan(0.5 * np.radians(camera.fov_deg))]
-    )
-    return replace(
-        camera,
-        eye=tuple((np.array(camera.eye) - down).tolist()),
-        target=tuple((np.array(camera.target) - down).tolist()),
-    )
+    down = _WORDS * away * np.tan(0.5 * np.radians(camera.fov_deg))
+    eye, target = (np.subtract(at, (0, 0, down)) for at in (camera.eye, camera.target))
+    return replace(camera, eye=tuple(eye.tolist()), target=tuple(target.tolist()))
 
 
 def _paint(record, robot, world, canvas, i: int) -> object:

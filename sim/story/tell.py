@@ -10,6 +10,8 @@ import numpy as np
 
 from handover import ReachMap
 from odm import CellMap
+from sim.draw.film import FilmSettings
+from sim.draw.surroundings import all_triangles
 from sim.draw.world import SimulatorMissing
 from sim.loop.run_result import percentiles
 from sim.people.mocap import MocapSettings, load_mocap
@@ -164,13 +166,29 @@ def _written(
     if recording is not None:
         files.append(write_record(record, recording))
     if film is not None:
-        with stdout_to_stderr():  # pybullet greets and warns on stdout
-            world, _ = open_world(cell_map)
-        with world, Bars("writing the film") as tell:
-            film.parent.mkdir(parents=True, exist_ok=True)
-            told = record, cell_map.robot, world, film, None, tell
-            files.append(write_story_film(*told))
+        files.append(filmed(record, cell_map, film))
     return files
+
+
+def filmed(
+    record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None = None
+) -> Path:
+    """Write a recorded story as a film, with the solids that stand around; return it.
+
+    Args:
+        record: The recording.
+        cell_map: The map it was played with.
+        path: File to write; its folder is made.
+        look: See `sim.story.film.write_story_film`.
+    """
+    still = all_triangles(shape for _, shape in cell_map.scenery.shapes())
+    with stdout_to_stderr():  # pybullet greets and warns on stdout
+        world, _ = open_world(cell_map)
+    with world, Bars("writing the film") as tell:
+        if len(still):
+            world.stand(still)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return write_story_film(record, cell_map.robot, world, path, look, tell)
 
 
 def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:

@@ -162,13 +162,11 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
         m.numbers.where[0] = segment
         planner.path.certify_off_path(q)
         assert (m.off_path.free == 1).all()
-        # no nearer to what stands still than tracking and blending may bring it
+        # no nearer to what stands still than blending may bring it
         towards = point - sphere_centers(planner.robot, q)[planner.robot.moving]
         nearest = towards[np.linalg.norm(towards, axis=1).argmin()]
-        tolerance = m.terms.path_tolerance.item() + 1e-3
-        planner.set_static(
-            (point - tolerance * nearest / np.linalg.norm(nearest))[None]
-        )
+        too_near = small_map.safety.blending + 1e-3
+        planner.set_static((point - too_near * nearest / np.linalg.norm(nearest))[None])
         m.numbers.where[0] = segment
         planner.path.certify_off_path(q)
         assert (m.off_path.free == 0).all()

@@ -113,3 +113,40 @@ def test_limits_hold_through_joins_over_common_corners_and_stops(panda, seed):
         assert np.abs(points.dq[0] - begin.dq).max() < 1e-5
         assert np.allclose(motion.q_end, rest[-1], atol=1e-6)
         assert motion.deviation <= BLEND + 1e-12
+
+
+def test_of_two_corners_that_nearly_are_one_both_may_be_on_the_way(panda, rng):
+    """A robot on the second's blend was to go on over a corner that it had begun."""
+    on_both = 0
+    for _ in range(20):
+        path = draw_path(panda, rng, 3, size=0.4)
+        motion = roadmap.time_path(panda, path, blend=0.05, speed_scale=0.05)
+        corner = motion.path.corners[0]
+        t = _when(motion, corner.begin + 0.1 * (corner.s - corner.begin))
+        commit = motion.commit(t)
+        beside = path[1] + 2e-5 * rng.uniform(-1.0, 1.0, panda.dof)
+        ahead = beside + 0.4 * rng.uniform(-1.0, 1.0, (2, panda.dof))
+        rest = np.vstack([commit.q, beside, ahead])
+        motion = motion.join(t, commit, rest, blend=0.05)
+        at = [k for k, c in enumerate(motion.path.corners) if near(c.q, beside, 1e-7)]
+        if not at:
+            continue
+        corner = motion.path.corners[at[0]]
+        t = _when(motion, corner.begin + 0.3 * (corner.s - corner.begin))
+        commit = motion.commit(t)
+        begun = [c for c in motion.path.corners if c.begin < commit.s < c.s]
+        on_both += len(begun) == 2
+        rest = np.vstack([commit.q, beside, ahead + 0.05])
+        joined = motion.join(t, commit, rest, blend=0.05)
+        check_limits(panda, sampled(joined))
+        assert np.allclose(joined.q_end, rest[-1], atol=1e-6)
+    assert on_both >= 5
+
+
+def near(a, b, most):
+    return np.abs(a - b).max() <= most
+
+
+def _when(motion, s):
+    """The time at which a motion is at arc length s [s]."""
+    return min(motion.duration, reached(motion, 0.0, min(s, motion.length - 1e-6)))
