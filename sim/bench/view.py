@@ -4,7 +4,7 @@ import gc
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from sim.bench.browser import Browser, Tab, found_browser
 from sim.run.folders import REACH_MAPS
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.page import StoryPage
-from sim.story.play import StoryPlay
+from sim.story.play import RATE, StoryPlay
 from sim.story.rehearsal import rehearse
 from sim.tables.header import header
 from sim.tables.table import value_row
@@ -30,6 +30,19 @@ USABLE_S, SHARE, HIDDEN_HZ, SHOWN_HZ = 3.0, 1.3, 30.0, 10.0  # asked
 _OPENED = "robot to person"  # the panel says so once a moment is drawn
 _EMPTY = "nothing but a frame"
 _LOOK_S, _SETTLED_S = 4.0, 3.0
+# what a browser says first, from where it looks: viser counts it as a client from then on
+_LOOKS = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (0.5, -0.5, 0.5, -0.5),
+    "position": (-2.0, 0.0, 0.5),
+    "fov": 0.8,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 900,
+    "image_width": 1440,
+    "look_at": (0.0, 0.0, 0.5),
+    "up_direction": (0.0, 0.0, 1.0),
+}
 
 
 def run(
@@ -115,16 +128,27 @@ def _page(setup: StorySetup, case: StoryCase) -> StoryPage:
 
 
 def _alone(setup: StorySetup, case: StoryCase, seconds: float) -> np.ndarray:
-    run = StoryPlay(setup, case)
+    """Return (F,) thread time of frames at the clock's pace [s]."""
+    run, took = StoryPlay(setup, case), []
     gc.collect()
-    return np.array([run.step().cpu_s for _ in range(round(seconds * 100))])
+    for _ in _ticks(seconds):
+        took.append(run.step().cpu_s)
+    return np.array(took)
+
+
+def _ticks(seconds: float) -> Iterator[int]:
+    """Yield the frames of so many seconds, each when it is due."""
+    begun = time.perf_counter()
+    for k in range(round(seconds * RATE)):
+        time.sleep(max(0.0, begun + k / RATE - time.perf_counter()))
+        yield k
 
 
 def _watched(page: StoryPage, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F,) thread time of frames, and of showing them [s]."""
+    """Return (F,) thread time of frames at that pace, and of showing them [s]."""
     took, shown = [], []
     gc.collect()
-    for _ in range(round(seconds * 100)):
+    for _ in _ticks(seconds):
         moment = page.run.step()
         begun = time.thread_time()
         page.hear(moment)
@@ -164,12 +188,14 @@ class _Clients:
             thread.join()
 
     def _hear(self) -> None:
+        import msgspec
         import viser
         from websockets.sync.client import connect
 
         told = [f"viser-v{viser.__version__}"]
         options = {"subprotocols": told, "max_size": None, "compression": None}
         with connect(self._address, **options) as line:
+            line.send(msgspec.msgpack.encode(_LOOKS))
             while not self._over.is_set():
                 try:
                     letter = line.recv(timeout=0.2)
@@ -181,7 +207,7 @@ class _Clients:
 
 def _messages(clients: _Clients, frames: int) -> list[dict]:
     per = CLIENTS * clients.seconds
-    note = f"{frames} frames in {clients.seconds:.1f} s, not held to the clock"
+    note = f"{frames} frames in {clients.seconds:.1f} s"
     return [
         value_row("scene, sent to a client", clients.scene / CLIENTS / 1e6, "MB"),
         value_row("messages to a client", clients.messages / per, "1/s", note),
