@@ -16,12 +16,19 @@ from roadmap.errors import BadInput
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 # drawn by the processor: a server has no graphics card
+_PROCESSOR = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+_CARD = (
+    "--use-angle=vulkan",
+    "--ignore-gpu-blocklist",
+    "--enable-gpu",
+    "--enable-gpu-rasterization",
+    "--disable-gpu-sandbox",
+    "--disable-software-rasterizer",
+)
 _FLAGS = (
     "--headless=new",
     "--no-sandbox",
     "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
     "--hide-scrollbars",
     "--no-first-run",
     "--remote-debugging-port=0",
@@ -56,21 +63,29 @@ def found_browser() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+def flags_of(card: bool) -> tuple[str, ...]:
+    """Return the flags of a Chromium; `card`: the graphics card draws."""
+    return _FLAGS + (_CARD if card else _PROCESSOR)
+
+
 class Browser:
     """A Chromium without a window; a context manager.
+
+    Args:
+        card: Whether the graphics card draws, else the processor does.
 
     Raises:
         BadInput: There is none, or it does not start.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, card: bool = False) -> None:
         """Start it."""
         path = found_browser()
         if path is None:
             raise BadInput(f"there is no browser; install one of {', '.join(NAMES)}")
         self._folder = tempfile.mkdtemp(prefix="odm-browser-")
         self._process = subprocess.Popen(
-            [path, *_FLAGS, f"--user-data-dir={self._folder}", "about:blank"],
+            [path, *flags_of(card), f"--user-data-dir={self._folder}", "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             process_group=0,
@@ -209,6 +224,15 @@ class Tab:
     def drawn(self) -> tuple[int, float]:
         """Return the draw calls and the triangles so far."""
         return tuple(self.ask("[window.__calls, window.__faces]") or (0, 0.0))
+
+    def drawn_by(self) -> str:
+        """Return what draws here, as WebGL names it; "": it cannot draw."""
+        found = (
+            "(() => {const g = document.createElement('canvas').getContext('webgl2');"
+            "const e = g?.getExtension('WEBGL_debug_renderer_info');"
+            "return e ? g.getParameter(e.UNMASKED_RENDERER_WEBGL) : ''})()"
+        )
+        return str(self.ask(found) or "")
 
     def press(self, text: str) -> bool:
         """Click what has exactly this text; return whether there was anything."""

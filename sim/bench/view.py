@@ -30,7 +30,7 @@ USABLE_S, SHARE, HIDDEN_HZ, SHOWN_HZ = 3.0, 1.3, 30.0, 10.0  # asked
 _OPENED = "robot to person"  # the panel says so once a moment is drawn
 _EMPTY = "nothing but a frame"
 _LOOK_S, _SETTLED_S = 4.0, 3.0
-# what a browser says first, from where it looks: viser counts it as a client from then on
+# what a browser says first: viser counts it as a client from then on
 _LOOKS = {
     "type": "ViewerCameraMessage",
     "wxyz": (0.5, -0.5, 0.5, -0.5),
@@ -53,6 +53,7 @@ def run(
     seconds: float = 5.0,
     seed: int = 0,
     short: bool = False,
+    card: bool = False,
     plot: str | Path | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> dict:
@@ -65,6 +66,7 @@ def run(
         seconds: Simulated time of each run [s].
         seed: Of the person.
         short: One second, one round: to see that it runs, not to measure.
+        card: The browser draws with the graphics card; else the processor does.
         plot: PNG of what a browser shows; nothing without one.
         tell: Called with what is done.
 
@@ -85,7 +87,7 @@ def run(
     rows = _compared(setup, case, seconds, rounds, tell)
     tell("a browser looks")
     with _page(setup, case) as page:
-        rows += _looked_at(page, plot, short)
+        rows += _looked_at(page, plot, short, card)
     found = {"runs of each": rounds, "seconds of each run": seconds, "clients": CLIENTS}
     return {"bench": "view", "header": header(cell_map), "setup": found, "rows": rows}
 
@@ -215,14 +217,16 @@ def _messages(clients: _Clients, frames: int) -> list[dict]:
     ]
 
 
-def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[dict]:
+def _looked_at(
+    page: StoryPage, plot: str | Path | None, short: bool, card: bool = False
+) -> list[dict]:
     """Return how soon a browser shows the page, and how many pictures it draws."""
     if found_browser() is None:
         return [value_row("page usable after", np.nan, "s", "no browser was found")]
     for _ in range(50):
         page.hear(page.run.step())
     look_s = 1.0 if short else _LOOK_S
-    with Browser() as browser:
+    with Browser(card) as browser:
         with redirect_stdout(sys.stderr):  # viser tells there that it begins and ends
             empty, empty_hz = _empty_page(browser, look_s)
         tab = browser.tab()
@@ -230,7 +234,8 @@ def _looked_at(page: StoryPage, plot: str | Path | None, short: bool) -> list[di
         tab.close()
         tab = browser.tab()
         after = tab.open(page.viewer.address, _OPENED)
-        rows = [value_row("page usable after", after, "s", most=USABLE_S), *empty]
+        by = f"drawn by {tab.drawn_by() or 'nothing that WebGL names'}"
+        rows = [value_row("page usable after", after, "s", by, most=USABLE_S), *empty]
         edges = len(page.run.setup.cell_map.roadmap.edges)
         for word, asked in (("hidden", HIDDEN_HZ), ("shown", SHOWN_HZ)):
             if word == "shown":

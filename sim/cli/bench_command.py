@@ -88,6 +88,7 @@ class BenchRequest:
         metavar="PNG",
         writes=PICTURE,
     )
+    card: bool = flag(False, "The graphics card draws the page (view).", "--card")
     against: Path | None = flag(
         None, "Another checkout to compare with (golden).", metavar="DIR"
     )

@@ -50,6 +50,9 @@ EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
+# a slow robot's new paths keep so many times as much more from people as they come
+# nearer while it stops, and no more than this [m]
+_WIDER, _WIDEST = 4.0, 0.2
 # where the wrench stands upright on the table, and what holds it there
 PLACE_XY, HOLDER = (0.38, -0.42), (0.06, 0.06, 0.04)
 _NEARER = (1.0, 0.8, 0.65, 0.5, 0.4)  # times that far, where a robot does not reach it
@@ -189,6 +192,7 @@ class StorySetup:
             confirmations=2,
             cached_goals=32,
             finger_pads=self.pads,
+            history_clearance=_berth(self.cell_map.robot),
         )
         planner = ReactivePlanner(self.cell_map, settings=settings)
         if self.T_place is not None:
@@ -223,6 +227,18 @@ class StorySetup:
 def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
     """Return how long the slowest stop takes [s], and how far somebody comes [m]."""
     return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or ThreatSettings())
+
+
+def _berth(robot: Robot) -> float:
+    """Return how much more than it must a new path keeps from people, if it can [m].
+
+    A robot that is slow to stop creeps beside somebody near its path, until its
+    patience ends; a quick one needs no more than by default.
+    """
+    own, comes = PlannerSettings().history_clearance, _comes(robot, None)[1]
+    if comes <= LIVE.spare_m:
+        return own
+    return min(own + _WIDER * comes, _WIDEST)
 
 
 def grasp_spare(robot: Robot) -> float:

@@ -180,7 +180,9 @@ class Handover:
             check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
         beside = meet.obj.capsules, s.room
-        self._reaches = Reaches(self.planner, index, grasps, s.back, thing, *beside)
+        self._grasps = grasps
+        told = self.planner, index, self._placeable(grasps), s.back, thing
+        self._reaches = Reaches(*told, *beside)
         self._taken: Reach | None = None
         self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
         self._tried = 0  # how often no motion to the object was free, in a row
@@ -248,7 +250,7 @@ class Handover:
     @property
     def grasps(self) -> np.ndarray:
         """(n, 4, 4) T_tool_object of all ways to hold the object [m]."""
-        return self._reaches.T_tool_object
+        return self._grasps
 
     @property
     def outcome(self) -> str:
@@ -881,6 +883,23 @@ class Handover:
             return None
         self._at_place = look, 0
         return look.found[0]
+
+    def _placeable(self, grasps: np.ndarray) -> np.ndarray:
+        """Return the grasps (k, 4, 4) with which what is taken can be put down again.
+
+        All of them where there is no place, or none that any of them reaches.
+        """
+        if self._give or self._T_place is None:
+            return grasps
+        index, s, found = self.targets.finder.index, self.settings, []
+        beside = None, self._obj.capsules, s.room, None, HELD_AT_PLACE
+        for grasp in grasps:
+            look = Reaches(self.planner, index, grasp[None], s.back, *beside)
+            look.begin(self._T_place, self._rest)
+            while not look.over and not look.found:
+                look.work()
+            found.append(bool(look.found))
+        return grasps[found] if any(found) else grasps
 
     def _looks_at_place(self) -> Reaches:
         """Return who looks for grasps in a place; by that with which it is held.

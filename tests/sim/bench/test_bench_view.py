@@ -1,13 +1,15 @@
 """The bench of the page: what it counts, without a browser."""
 
 import json
+import time
 
 import numpy as np
 import pytest
 
 from roadmap.errors import BadInput
 from sim.bench import view
-from sim.bench.browser import Browser
+from sim.bench.browser import Browser, flags_of
+from sim.view.viewer import Viewer
 
 
 def test_a_frame_counts_with_the_least_of_its_rounds():
@@ -43,3 +45,24 @@ def _page_that_is_never_shown():
 def test_no_seconds_are_refused(tmp_path):
     with pytest.raises(BadInput, match="0 s of each run are none"):
         view.run(tmp_path, seconds=0)
+
+
+def test_whoever_watches_without_drawing_is_sent_every_picture(small_map):
+    """They were none that the page counts, and were sent the panel's words alone."""
+    viewer = pytest.importorskip("viser") and Viewer(small_map, port=0)
+    rest = np.zeros(small_map.robot.dof)
+    try:
+        with view._Clients(viewer.address) as clients:
+            for k in range(100):
+                viewer.show(q=rest + 0.001 * k, time_s=0.01 * k)
+                time.sleep(0.01)
+        sent = clients.messages / view.CLIENTS
+    finally:
+        viewer.close()
+    assert sent > 12, "of some thirty pictures, on a busy machine"
+
+
+def test_the_card_or_the_processor_draws():
+    for card in (True, False):
+        assert ("--use-angle=vulkan" in flags_of(card)) == card
+        assert ("--use-angle=swiftshader" in flags_of(card)) != card
