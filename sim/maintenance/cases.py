@@ -78,7 +78,7 @@ WORK_PLACES = {
         table=0.56,
         places_xy=((0.25, 0.485), (0.09, 0.485), (0.41, 0.485)),
         distances=(1.20, 1.35),
-        bearings=(0.0, 20.0),
+        bearings=(-12.0, 2.0),
     ),
 }
 

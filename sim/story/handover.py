@@ -893,12 +893,14 @@ class Handover:
             return grasps
         index, s, found = self.targets.finder.index, self.settings, []
         beside = None, self._obj.capsules, s.room, None, HELD_AT_PLACE
+        still = np.zeros_like(self._rest)
         for grasp in grasps:
+            held = self.planner.carrier.test_with(self._carried, grasp)
             look = Reaches(self.planner, index, grasp[None], s.back, *beside)
             look.begin(self._T_place, self._rest)
-            while not look.over and not look.found:
+            while not look.over:
                 look.work()
-            found.append(bool(look.found))
+            found.append(any(held.motion_free(r.q_before, still) for r in look.found))
         return grasps[found] if any(found) else grasps
 
     def _looks_at_place(self) -> Reaches:
