@@ -8,7 +8,6 @@ import typer
 from sim.cli.build_command import built_map
 from sim.run.request import RunRequest
 from sim.story.request import MAINTENANCE, PANDA, WORK, DemoRequest
-from sim.terminal.ahead import compile_ahead
 from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
 from sim.terminal.progress import Bars, now_compiling
@@ -78,6 +77,7 @@ def _hand_over(request: DemoRequest) -> None:
     from sim.story.cases import pads_of
     from sim.story.request import KEYBOARD, MOCAP
     from sim.story.tell import recorded_person, tell_story
+    from sim.terminal.ahead import compile_ahead
 
     live = None
     # a recording that cannot be played is told before the map is loaded or built

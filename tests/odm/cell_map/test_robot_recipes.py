@@ -45,9 +45,10 @@ def test_every_robot_but_the_demo_s_stand_in_has_a_recipe():
 def test_the_weights_of_a_recipe_are_as_many_as_the_joints():
     for name in recipe_names():
         recipe = load_recipe(name)
-        if recipe.roadmap.weights is None or known_robot(name).origin != "maps":
+        source = recipe.robot.source
+        if recipe.roadmap.weights is None or known_robot(source).origin != "maps":
             continue
-        robot = load_robot(name, locked=recipe.robot.locked, cover_excess=0.1)
+        robot = load_robot(source, locked=recipe.robot.locked, cover_excess=0.1)
         assert len(recipe.roadmap.weights) == robot.dof
 
 
