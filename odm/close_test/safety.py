@@ -44,6 +44,15 @@ class Safety:
         """Clearance beyond contact: the sum of its shares [m]."""
         return self.sensor + self.tracking + self.blending + self.user
 
+    @property
+    def rounding(self) -> float:
+        """What a robot that rounds a corner may lack of m to what stands still [m].
+
+        Its share for blending, which is spent once only if the robot is off its path by
+        no more than twice that (decision 0102); else nothing.
+        """
+        return self.blending if self.tracking <= self.blending else 0.0
+
     def __post_init__(self) -> None:
         """Check every term.
 

@@ -121,7 +121,7 @@ class PathInUse:
             off_path.free[:] = 1
         else:
             told = np.stack([q, q]), off_path.q[1:] - q
-            off_path.free[:] = static.motions_free(*told, nearer=static.safety.blending)
+            off_path.free[:] = static.motions_free(*told, nearer=static.safety.rounding)
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.

@@ -15,8 +15,8 @@ from sim.terminal.progress import Bars, now_compiling
 if TYPE_CHECKING:
     from odm import Recipe
 
-DEMO, STORY = "demo", "story"  # recipes, and the folders of their maps
-# (the second is also the name of what a hand-over compiles, in the tables)
+DEMO = "demo"  # recipe, and the folder of its map
+STORY = "story"  # what a hand-over compiles, in the tables of `sim.terminal`
 
 
 @from_request(RunRequest)

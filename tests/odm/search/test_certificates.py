@@ -96,7 +96,7 @@ def test_a_robot_pushed_into_its_scenery_is_not_led_on(small_map):
                 continue
             # off its segment, as one that rounds a corner: m has room for that
             way = planner.frame.difference(a, b)
-            told, rounds = (a[None], way[None]), small_map.safety.blending
+            told, rounds = (a[None], way[None]), small_map.safety.rounding
             assert fresh.static.motions_free(*told, nearer=rounds).all()
         robot = small_map.robot
         q = np.clip(q + [0.0, 0.003, 0.003], robot.lower, robot.upper)

@@ -6,6 +6,7 @@ from doors import with_door
 from small import HOME, on_its_way
 
 import odm
+from odm.close_test.safety import Safety
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
 from roadmap import time_path
@@ -165,10 +166,18 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
         # no nearer to what stands still than blending may bring it
         towards = point - sphere_centers(planner.robot, q)[planner.robot.moving]
         nearest = towards[np.linalg.norm(towards, axis=1).argmin()]
-        too_near = small_map.safety.blending + 1e-3
+        too_near = small_map.safety.rounding + 1e-3
         planner.set_static((point - too_near * nearest / np.linalg.norm(nearest))[None])
         m.numbers.where[0] = segment
         planner.path.certify_off_path(q)
         assert (m.off_path.free == 0).all()
         seen += 1
     assert seen >= 3
+
+
+def test_a_corner_takes_nothing_where_tracking_may_be_off_by_more_than_blending():
+    """Off by more than twice the blending share, it would be spent more than once."""
+    assert Safety(tracking=0.002, blending=0.004).rounding == 0.004
+    assert Safety(tracking=0.004, blending=0.004).rounding == 0.004
+    assert Safety(tracking=0.005, blending=0.004).rounding == 0.0
+    assert Safety(tracking=0.002, blending=0.0).rounding == 0.0
