@@ -23,7 +23,9 @@ from sim.story.settings import ComfortSettings, ShunnedSettings
 QUICK = 0.005  # [m] who comes no farther meanwhile makes nobody creep
 _WIDEST = 0.10  # [m] of a berth: a sensor may be worse, but a person has to be passed
 _BRINK = 0.002  # [m] nearer than a berth and this, the robot is in it
-_NONE_FOR = 100  # frames without a berth where none leads on; then twice as many
+_SHARES = 1.0, 0.5, 0.25, 0.0  # of a berth: the next one where none leads on,
+_PATIENT = 25  # ... for so many frames: the planner's search goes on over several,
+_LESS_FOR = 100  # ... until it was hindered in so many; then in twice as many
 
 
 def shunned(
@@ -68,9 +70,10 @@ def shunned(
 class Berth:
     """Tells the planner of a person who is larger by what a slow robot had better keep.
 
-    All that is free beside the larger person is free beside the person. Where that
-    leads nowhere, or the robot is nearer already, the planner is told of the person as
-    they are.
+    All that is free beside the larger person is free beside the person. A part that the
+    robot is nearer to already is larger by what is left: a path comes no nearer to it
+    than the robot is, where there is a way. Where none leads on, it is half of that,
+    then a quarter, then nothing.
 
     Args:
         executor: Of the robot; it knows how the stops are.
@@ -80,7 +83,7 @@ class Berth:
         room: What is kept besides the clearance [m]; 0 for a robot that is quick to
             stop.
         clearance: What is kept by all [m].
-        told: How much larger the person was, as told last [m].
+        told: How much larger each of the person's parts was at least, as told last [m].
     """
 
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
@@ -90,14 +93,21 @@ class Berth:
         self.room = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
-        self._waits, self._again = 0, _NONE_FOR
+        self._larger = False  # whether any part was larger, as told last
+        self.begin()
 
     def begin(self) -> None:
         """Try anew, with another goal."""
-        self._waits, self._again = 0, _NONE_FOR
+        self._level, self._left, self._again = 0, 0, _LESS_FOR
+        self._held = 0  # frames in a row
 
     def around(
-        self, there: Obstacles, people: int, balls: np.ndarray, held: bool
+        self,
+        there: Obstacles,
+        people: int,
+        balls: np.ndarray,
+        held: bool,
+        hindered: bool,
     ) -> Obstacles:
         """Return all shapes, the person with the berth if that is of use.
 
@@ -106,20 +116,35 @@ class Berth:
             people: How many of its capsules are the person's: they come first.
             balls: (n, 4) the moving spheres of the robot's cover, and what it holds.
             held: Whether the planner had no path in the frame before.
+            hindered: Whether the robot stands, or goes slowly for the person's sake:
+                else a path that was found is good enough.
         """
-        if self.told and held:
-            self._waits, self._again = self._again, 2 * self._again
-        self.told, waits = 0.0, self._waits > 0
-        self._waits -= waits
-        if waits or not self.room or not people:
+        self._held = self._held + 1 if self._larger and held else 0
+        if self._held >= _PATIENT:
+            self._lower()
+        elif self._left and hindered:
+            self._left -= 1
+            self._level = self._level if self._left else 0
+        self.told, self._larger = 0.0, False
+        share = _SHARES[self._level]
+        if not share or not self.room or not people:
             return there
         rows = np.array(there.capsules)
-        least = ball_gaps(balls, rows[:people]).min()
-        if not least > self.clearance + self.room + _BRINK:
+        spare = ball_gaps(balls, rows[:people]).min(axis=0) - self.clearance - _BRINK
+        larger = np.clip(spare, 0.0, share * self.room)
+        self.told = float(larger.min())
+        self._larger = bool(larger.any())
+        if not self._larger:
             return there
-        rows[:people, 6] += self.room
-        self.told = self.room
+        rows[:people, 6] += larger
         return Obstacles(capsules=rows)
+
+    def _lower(self) -> None:
+        """Keep less for a while, and each time for longer."""
+        self._held = 0
+        if not self._level:
+            self._left, self._again = self._again, 2 * self._again
+        self._level = min(self._level + 1, len(_SHARES) - 1)
 
 
 def _middle(points: np.ndarray) -> np.ndarray:

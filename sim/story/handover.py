@@ -1101,7 +1101,8 @@ class Handover:
         robot = self.planner.static.robot
         balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         held = getattr(self.answer, "status", "") == "holding"
-        there = berth.around(there, seen.people, balls, held)
+        hindered = self.executor.state in (SLOWED, BRAKED, STANDING)
+        there = berth.around(there, seen.people, balls, held, hindered)
         self.targets.told_larger = berth.told
         return there
 

@@ -126,7 +126,7 @@ def test_a_slow_robot_is_told_of_a_larger_person_and_of_no_larger_object():
     berth = berth_of(0.03)
     assert np.isclose(berth.room, 0.03, atol=1e-4)
     there = Obstacles(capsules=TWO)
-    around = berth.around(there, 1, BALLS, held=False)
+    around = berth.around(there, 1, BALLS, held=False, hindered=False)
     grown = around.capsules[:, 6] - TWO[:, 6]
     assert np.allclose(grown, [berth.room, 0.0]) and berth.told == berth.room
     assert np.array_equal(around.capsules[:, :6], TWO[:, :6])
@@ -136,33 +136,51 @@ def test_a_slow_robot_is_told_of_a_larger_person_and_of_no_larger_object():
 def test_a_quick_robot_and_one_beside_nobody_are_told_of_what_there_is():
     there = Obstacles(capsules=TWO)
     quick = berth_of(0.004)
-    assert quick.room == 0.0 and quick.around(there, 2, BALLS, False) is there
+    assert quick.room == 0.0 and quick.around(there, 2, BALLS, False, False) is there
     slow = berth_of(0.03)
-    assert slow.around(there, 0, BALLS, False) is there and slow.told == 0.0
+    assert slow.around(there, 0, BALLS, False, False) is there and slow.told == 0.0
     assert berth_of(0.03, noise=0.5).room == 0.1
 
 
-def test_who_stands_in_the_berth_already_is_told_of_the_person_as_they_are():
+def test_who_stands_in_the_berth_already_comes_no_nearer_where_there_is_a_way():
     berth, near = berth_of(0.03), TWO.copy()
-    for gap, larger in ((0.045, True), (0.041, False), (0.002, False), (-0.1, False)):
+    near[1, 6] = 0.15  # 5 cm away
+    for gap, larger in ((0.045, 0.03), (0.027, 0.015), (0.002, 0.0), (-0.1, 0.0)):
         near[0, [0, 3]] = 0.2 + gap
-        around = berth.around(Obstacles(capsules=near), 1, BALLS, False)
-        assert (around.capsules[0, 6] > near[0, 6]) == larger == (berth.told > 0.0)
+        around = berth.around(Obstacles(capsules=near), 2, BALLS, False, False)
+        grown = around.capsules[:, 6] - near[:, 6]
+        assert np.allclose(grown, [larger, berth.room], atol=1e-4)
+        assert np.isclose(berth.told, larger, atol=1e-4)  # of all of its parts
 
 
-def test_a_berth_that_leaves_no_way_is_given_up_for_a_while_and_then_for_longer():
-    berth, there = berth_of(0.03), Obstacles(capsules=TWO)
+def told_to(berth, frames, held, hindered):
+    """Return how much larger the person is told to be in some frames [m]."""
+    told, there = [], Obstacles(capsules=TWO)
+    for _ in range(frames):
+        around = berth.around(there, 1, BALLS, held, hindered)
+        told.append(around.capsules[0, 6] - TWO[0, 6])
+    return np.round(np.array(told) / berth.room, 3)
 
-    def frames_without():
-        for k in range(1000):
-            if berth.around(there, 1, BALLS, held=not k) is not there:
-                return k
-        return None
 
-    berth.around(there, 1, BALLS, held=True)  # it had no path with no berth told
-    assert berth.told
-    first, second = frames_without(), frames_without()
-    assert first == 100 and second == 200
+def test_a_berth_that_leaves_no_way_is_halved_once_the_search_has_had_its_time():
+    berth = berth_of(0.03)
+    assert (told_to(berth, 1, False, False) == 1.0).all()
+    assert (told_to(berth, 24, True, False) == 1.0).all()
+    assert (told_to(berth, 25, True, False) == 0.5).all()
+    assert (told_to(berth, 25, True, False) == 0.25).all()
+    assert (told_to(berth, 50, True, False) == 0.0).all()
+
+
+def test_the_whole_berth_is_tried_again_by_a_robot_that_is_hindered_and_no_other():
+    berth = berth_of(0.03)
+    told_to(berth, 1, False, False)
+    assert told_to(berth, 25, True, True)[-1] == 0.5
+    assert (told_to(berth, 500, False, False) == 0.5).all()  # its way is good enough
+    assert (told_to(berth, 99, False, True) == 0.5).all()
+    assert (told_to(berth, 25, False, True) == 1.0).all()
+    assert told_to(berth, 25, True, True)[-1] == 0.5
+    assert (told_to(berth, 199, False, True) == 0.5).all()  # twice as long now
+    assert told_to(berth, 1, False, True) == 1.0
+    told_to(berth, 100, True, True)
     berth.begin()
-    berth.around(there, 1, BALLS, False)
-    assert frames_without() == 100
+    assert told_to(berth, 1, False, True) == 1.0
