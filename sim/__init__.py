@@ -1,8 +1,16 @@
 """Everything that moves, draws or talks to a user: loop, person, pictures, tables."""
 
-__all__ = ["Handover", "PhasePlanner", "StoryFrame", "StorySettings", "Viewer"]
+__all__ = [
+    "PARTNER",
+    "Handover",
+    "PhasePlanner",
+    "StoryFrame",
+    "StorySettings",
+    "Viewer",
+]
 _HOMES = {
     "Handover": "sim.story.handover",
+    "PARTNER": "sim.story.settings",
     "PhasePlanner": "sim.story.phase",
     "StoryFrame": "sim.story.frame",
     "StorySettings": "sim.story.settings",

@@ -28,7 +28,7 @@ class Ability(NamedTuple):
     speeds: np.ndarray  # (k,) of the faster end of each [m/s]
     known: np.ndarray  # (k,) whether its velocity is known, bool
     error: np.ndarray  # (k,) bound on the error of that velocity [m/s]
-    most: np.ndarray  # (k,) largest acceleration [m/s2]
+    most: np.ndarray  # (k,) largest acceleration now [m/s2]
     widening: np.ndarray  # (k,) how fast the radius grows [m/s]
     untouched: np.ndarray  # (k,) for how long nothing accelerates it [s]
 
@@ -105,7 +105,10 @@ def growth(parts, k, limits, t):
         return limits[0] + limits[1] * t
     pushed = max(0.0, t - parts.untouched[k])
     near = limits[0] + parts.error[k] * t + 0.5 * parts.most[k] * pushed * pushed
-    return near + parts.widening[k] * t
+    harder = limits[3] * pushed * pushed * pushed / 6.0
+    # as fast as a part whose velocity is not known, the other way round
+    fastest = limits[0] + (limits[1] + parts.speeds[k]) * t
+    return max(near, min(near + harder, fastest)) + parts.widening[k] * t
 
 
 @njit(**LEAN)
@@ -116,8 +119,8 @@ def write_between(parts, limits, begin, end, rows):
 
     Args:
         parts: What they are able to do.
-        limits: (3,) noise [m], speed of a part whose velocity is not known [m/s], and
-            most that a radius grows by [m].
+        limits: (4,) noise [m], speed of a part whose velocity is not known [m/s], most
+            that a radius grows by [m], and how fast `most` grows from now on [m/s3].
         begin: When that begins, after the capsules were measured [s].
         end: When it ends [s].
         rows: Result.

@@ -537,6 +537,8 @@ class Executor:
         if threat is None or not self.brakes:
             self.held = None
             return True
+        if isinstance(threat, Threat):
+            threat = threat.as_so_far()
         return self._stop_free(motion, t, threat, closer=self._clearance)
 
     def _evasion_free(self, motion: Motion, t: float, threat: Moving | None) -> bool:

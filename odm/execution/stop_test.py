@@ -95,7 +95,8 @@ class BrakingTest:
         """Whether the robot comes nearer to no near person until it stands.
 
         Each sphere of the cover is compared with each part of the person, who is where
-        they are expected in the middle of the time, grown by how far they may come: of
+        they are expected in the middle of the time, grown by how far they may come if
+        they speed up no harder than so far: of
         all pairs that are near anywhere, none may come nearer from place to place. This
         tells which motions lead away; whether they touch the person is what `passes`
         tells.
@@ -107,7 +108,8 @@ class BrakingTest:
             stop: The stop on the same path.
             threat: The person.
         """
-        there, more = threat.between(0.0, max(begin - t, 0.0) + stop.duration)
+        time = max(begin - t, 0.0) + stop.duration
+        there, more = threat.as_so_far().between(0.0, time)
         static = getattr(
             self.planner, "static", None
         )  # it may answer `blocked_leg` alone

@@ -6,15 +6,19 @@ are followed from frame to frame. A person who rests, passes by or moves away sl
 robot less than one who comes.
 
 The ball. Let an end's measured places be within e (`noise`) of the true ones, and its
-acceleration at most a. Its velocity is taken as the mean over a window W,
-v = (p(0) - p(-W)) / W. The true velocity *now* differs from the true mean by at most
+acceleration at most a until now; from now on that bound grows by j in every second
+(`jerk`). Its velocity is taken as the mean over a window W, v = (p(0) - p(-W)) / W. The true velocity *now* differs from the true mean by at most
 a W / 2, and the measured mean from that by at most 2 e / W. So after a time t the end
 is within
 
-    R(t) = e + (2 e / W + a W / 2) t + a t^2 / 2
+    R(t) = e + (2 e / W + a W / 2) t + a t^2 / 2 + j t^3 / 6
 
-of p(0) + v t; it gets there if it speeds up by a all the time. The window is the frame
-that makes the second term least, W = 2 sqrt(e / a) if there is one; without noise the
+of p(0) + v t; it gets there if it speeds up as hard as it can all the time. Somebody
+who is calm now is known to be calm for the moment, and not for a second: a robot that
+takes 0.3 s to stop has to expect more of them than one that takes 0.04 s. The last term
+makes nobody faster than a part whose velocity is not known may be, in any direction; so
+it adds to R(t) no more than to e + (`speed` + |v|) t. The window is the frame that
+makes the second term least, W = 2 sqrt(e / a) if there is one; without noise the
 frame before. At all times from b to c, the end is within R(c) + |v| (c - b) / 2 of
 where v leads it by the middle of them.
 
@@ -36,7 +40,7 @@ that is seen again does, is taken to keep its size.
 Left alone. An object that stands where nobody can reach it within a time T has not been
 accelerated for as long as that was so, and is not within T. Its velocity was the same
 over the window, so that 2 e / W is all that can be wrong with it, and from now on it is
-within e + 2 e / W t + a max(0, t - T)^2 / 2 of where that leads.
+within e + 2 e / W t + a s^2 / 2 + j s^3 / 6 of where that leads, s = max(0, t - T).
 
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
@@ -73,10 +77,13 @@ class ThreatSettings:
 
     Attributes:
         speed: Speed bound of a part whose velocity is not known [m/s].
-        acceleration: Largest acceleration of a part [m/s2]. A reach
+        acceleration: Largest acceleration of a part until now [m/s2]. A reach
             of 0.4 m in 0.8 s along a minimum-jerk curve takes 3.6 m/s2; a thrust with
             a peak of 2 m/s over 0.45 m takes 15, at which a robot hardly moves beside
             a person.
+        jerk: How fast that bound grows from now on [m/s3], up to `speed`. That reach
+            has 47 at most, people at work several hundred for a moment. 0: for a person
+            who is calm, and stays so (decision 0104).
         noise: Bound on the error of a measured capsule end [m]. 0 suits a simulated
             person, whose capsules are exact; 0.001 to 0.003 a marker system; 0.02 and
             more a skeleton from one depth camera.
@@ -98,11 +105,13 @@ class ThreatSettings:
     max_plausible_speed: float = 5.0
     max_plausible_acceleration: float = 60.0
     rise: float = 1.5
+    jerk: float = 80.0
 
     def __post_init__(self) -> None:
         ranges = {
             "speed": (0.0, 100.0, "m/s"),
             "acceleration": (0.0, 1e4, "m/s2"),
+            "jerk": (0.0, 1e6, "m/s3"),
             "noise": (0.0, 1.0, "m"),
             "max_plausible_speed": (0.0, 1e3, "m/s"),
             "max_plausible_acceleration": (0.0, 1e4, "m/s2"),
@@ -140,7 +149,9 @@ class ThreatSettings:
         known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)
-        return self.noise + error * time + 0.5 * self.acceleration * time * time
+        near = self.noise + error * time + 0.5 * self.acceleration * time * time
+        harder, fastest = self.jerk * time**3 / 6.0, self.noise + self.speed * time
+        return max(near, min(near + harder, fastest))
 
 
 class Moving(Protocol):
@@ -183,6 +194,8 @@ class Threat:
         widening: (k,) how fast each radius grows [m/s]; None: none does.
         untouched: (k,) for how long nothing accelerates each part [s]; None: none.
         follow: How they were followed.
+        jerk: How fast the largest acceleration grows from now on [m/s3]; None: as the
+            settings say.
     """
 
     capsules: np.ndarray
@@ -199,6 +212,7 @@ class Threat:
     widening: np.ndarray | None = None
     untouched: np.ndarray | None = None
     follow: FollowSettings = _FOLLOW
+    jerk: float | None = None
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the same of some of the parts alone."""
@@ -222,6 +236,7 @@ class Threat:
             widening,
             untouched,
             self.follow,
+            self.jerk,
         )
 
     def left_alone(self, these: slice, time: float) -> "Threat":
@@ -251,11 +266,12 @@ class Threat:
         Each change of velocity from frame to frame counts, `rise` times; with `noise`
         each over 60 ms, as far as the noise shows it. A change beyond what is plausible
         is a fault of the sensor and does not count. A person who keeps within the
-        settings is bounded as before.
+        settings is bounded by them. Nobody is expected to speed up harder than so: see
+        `as_so_far`.
         """
         s = self.settings
         if len(self.past) < 3 or not s.acceleration:
-            return self
+            return self.as_so_far()
         seen = np.array([ends for _, ends in self.past])
         if self.rows is not None:
             seen = seen[:, self.rows]
@@ -271,7 +287,15 @@ class Threat:
             if self.untouched is not None:
                 more = np.where(self.untouched > 0.0, 0.0, more)
             error = error + more
-        return replace(self, most=most, error=error)
+        return replace(self, most=most, error=error, jerk=0.0)
+
+    def as_so_far(self) -> "Threat":
+        """Return the same of a person who speeds up no harder from now on than so far.
+
+        For a robot that gets out of their way: expected to do more, they would keep it
+        where they touch it.
+        """
+        return replace(self, jerk=0.0)
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -289,8 +313,9 @@ class Threat:
         if not math.isfinite(age + begin + end):
             return room, math.inf
         begin, end = max(begin, 0.0), max(begin, end, 0.0)  # sums of times round
-        given = (self.settings.noise, self._unknown, self.follow.most_growth)
-        limits = tuple(map(float, given))
+        s, most = self.settings, self.follow.most_growth
+        jerk = s.jerk if self.jerk is None else self.jerk
+        limits = tuple(map(float, (s.noise, self._unknown, most, jerk)))
         told = self._ability, limits, begin + age, end + age, room.capsules
         return room, 0.0 if write_between(*told) else math.inf
 

@@ -6,9 +6,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from odm.cell_map.cell_map import CellMap
+from odm.execution.threat import ThreatSettings
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
-from sim.loop.run_result import RunResult
+from sim.loop.run_result import RunResult, stretches
 from sim.people.human_motion import HumanMotion
 from sim.record import check_recording_path, recording
 from sim.run.meet import MeetTask
@@ -22,6 +25,7 @@ from sim.terminal.output import stdout_to_stderr, write_text
 from sim.terminal.progress import Bars, silence
 
 Task = PlacesTask | MeetTask | PlanTask
+SPURT_S = 0.3  # a touch while it stopped is looked back from by this
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
 
@@ -70,6 +74,8 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
         data = live.figures(result) | {"map_hash": task.cell_map.hash} | figures
         return data | ({"exit_code": live.exit_code} if request.meets else {})
     notes = notes_of(request, loop.motion, settings.duration_s)
+    if settings.execution == "timed" and (told := touched_in(result)):
+        notes.append(told)
     data = {
         "run": result.summary() | {"timing": result.timing()},
         **figures,
@@ -162,6 +168,30 @@ def notes_of(request: RunRequest, person: HumanMotion, seconds: float) -> list[s
     if ending := getattr(person, "ending", lambda run_s: None)(seconds):
         notes.append(ending)
     return notes
+
+
+def touched_in(result: RunResult) -> str:
+    """Return why a robot that stops in time was touched on its way; "": it was not."""
+    touched = result.moving & (result.separation <= 0.0)
+    if not touched.any():
+        return ""
+    before = round(SPURT_S * result.rate_hz)
+    near = np.zeros(len(touched), bool)
+    for a, _ in stretches(touched):
+        near[max(0, a - before) : a + 1] = True
+    ends = result.capsules[:, :, :6].reshape(len(near), -1, 3)
+    sharp = np.zeros(len(near))
+    change = np.diff(ends, 2, axis=0) * result.rate_hz**2
+    sharp[2:] = np.nan_to_num(np.linalg.norm(change, axis=2).max(1, initial=0.0))
+    assumed, n = ThreatSettings(), int(touched.sum())
+    frames = f"{n} frame" + "s" * (n > 1)
+    return (
+        f"it was touched on its way in {frames}: up to {SPURT_S:g} s "
+        f"before, the person sped up by up to {sharp[near].max():.0f} m/s2; assumed are "
+        f"{assumed.acceleration:g}, and {assumed.jerk:g} more in every second from then "
+        "on (ThreatSettings). A robot that stops sooner is touched standing: give its "
+        "own limits of acceleration and jerk in [robot] of its recipe"
+    )
 
 
 def write_files(

@@ -38,7 +38,7 @@ from sim.story.grasping import (
     quarter_turns,
     straight_back,
 )
-from sim.story.settings import AT_PLACE, StorySettings
+from sim.story.settings import AT_PLACE, PARTNER, StorySettings
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
 HEIGHTS = 1.5, 1.95  # [m]
@@ -226,7 +226,7 @@ class StorySetup:
 
 def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
     """Return how long the slowest stop takes [s], and how far somebody comes [m]."""
-    return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or ThreatSettings())
+    return slowest_stop(robot, EXECUTION, 1.0 / RATE, threat or PARTNER)
 
 
 def _berth(robot: Robot) -> float:
@@ -258,7 +258,7 @@ def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
         robot: The robot.
         threat: What is assumed of the person in the story; None: as by default.
     """
-    threat = threat or ThreatSettings()
+    threat = threat or PARTNER
     time, comes = _comes(robot, threat)
     if comes <= LIVE.spare_m:
         return ""

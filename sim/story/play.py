@@ -10,6 +10,7 @@ from handover.human.body import Part
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import Executor
+from odm.execution.threat import ThreatSettings
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
@@ -22,7 +23,7 @@ from sim.story.grasping import box_of
 from sim.story.handover import CLOSED, Command, Handover
 from sim.story.machine import StoryEvent
 from sim.story.phase import PhasePlanner
-from sim.story.settings import GripperSettings, StorySettings
+from sim.story.settings import PARTNER, GripperSettings, StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 
 STANDS = 1e-3  # [m/s] slower than this it stands
@@ -200,7 +201,10 @@ class StoryPlay:
         give = case.direction == "give"
         if settings is None:
             robot = setup.cell_map.robot
-            settings = StorySettings.for_robot(robot, direction=case.direction)
+            # of recorded or driven people nobody knows that they are calm
+            threat = PARTNER if partner is None else ThreatSettings()
+            told = {"direction": case.direction, "threat": threat}
+            settings = StorySettings.for_robot(robot, **told)
         self.known = in_reach(setup, case) if partner is None else None
         self.partner = partner or _partner(setup, case, self.known)
         holds = give and not fetch

@@ -220,7 +220,8 @@ def story_of(setup: StorySetup, told: dict, human: Human) -> Handover:
     known["speed"] = SpeedSettings(**{**_NO_COMFORT, **known["speed"]})
     none = {"face_to_hand": 0.0, "unseen": 0.0}
     known["comfort"] = ComfortSettings(**known.get("comfort", none))
-    known["threat"] = ThreatSettings(**known.get("threat", {}))  # of no choice before
+    before = {"jerk": 0.0}  # of recordings that have no choice
+    known["threat"] = ThreatSettings(**before | known.get("threat", {}))
     return new_story(setup, StorySettings(**known), human, told["fetch"])
 
 

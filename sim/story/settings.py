@@ -17,6 +17,8 @@ from roadmap.robot.robot import Robot
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
 
+# who hands over waits for the robot, or comes to it: no harder from now on than so far
+PARTNER = ThreatSettings(jerk=0.0)
 QUICK_TURN = 2.0  # [rad/s] of a joint; times are limited for robots as quick as that
 MOST_PATIENT = 4.0  # times as long, however slow a robot is
 
@@ -251,7 +253,8 @@ class StorySettings:
         speed: Terms of speed and separation.
         comfort: Where new paths had better not pass.
         threat: Bounds on the person's motion, and on the error of what is measured of
-            them and of the object: with a sensor that is not exact give its `noise`,
+            them and of the object. Default: `PARTNER`, somebody who is calm and stays
+            so; beside people who work in a hurry give `ThreatSettings()`. With a sensor that is not exact give its `noise`,
             else each of its errors is taken for a part that starts off, and the robot
             waits.
     """
@@ -281,7 +284,7 @@ class StorySettings:
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     comfort: ComfortSettings = field(default_factory=ComfortSettings)
-    threat: ThreatSettings = field(default_factory=ThreatSettings)
+    threat: ThreatSettings = PARTNER
 
     @classmethod
     def for_robot(cls, robot: Robot, **settings: object) -> "StorySettings":

@@ -60,7 +60,7 @@ def test_each_part_grows_by_its_own_speed_and_no_other():
 
 
 def test_balls_hold_a_point_that_speeds_up_within_the_bound(rng):
-    settings = ThreatSettings(acceleration=4.0)
+    settings = ThreatSettings(acceleration=4.0, jerk=50.0)
     v = np.array([0.7, -0.3, 0.1])
     ball = np.array([[0, 0, 0, 0, 0, 0, 0.01]], float)
     threat = Threat(ball, np.array([[v, v]]), np.zeros(1), 0.01, settings)
@@ -69,9 +69,9 @@ def test_balls_hold_a_point_that_speeds_up_within_the_bound(rng):
         end = begin + rng.uniform(0, 0.1)
         row = threat.between(begin, end)[0].capsules[0].copy()
         pushed = rng.normal(size=3)
-        pushed *= 4.0 / np.linalg.norm(pushed)
+        pushed /= np.linalg.norm(pushed)
         for t in np.linspace(begin, end, 7) + 0.01:
-            at = v * t + 0.5 * pushed * t * t
+            at = v * t + (0.5 * 4.0 + 50.0 * t / 6.0) * t * t * pushed
             assert np.linalg.norm(at - row[:3]) <= row[6] - 0.01 + 1e-12
 
 
@@ -169,7 +169,7 @@ def test_balls_hold_whoever_keeps_to_the_bounds(rate, noise, ball):
 @pytest.mark.parametrize("rate", [30, 100])
 def test_without_noise_the_ball_is_as_large_as_it_must_be_and_no_larger(rate):
     a, period = ThreatSettings().acceleration, 1.0 / rate
-    watcher = Watcher()
+    watcher = Watcher(ThreatSettings(jerk=0.0))
     for k in range(4):
         x = 0.5 * a * (k * period) ** 2
         arm = np.array([[x, 0, 0.5, x, 0, 0.5, 0.05]])
@@ -177,6 +177,18 @@ def test_without_noise_the_ball_is_as_large_as_it_must_be_and_no_larger(rate):
     row = threat.between(0.3, 0.3)[0].capsules[0]
     off = 0.5 * a * (3 * period + 0.3) ** 2 - row[0]
     assert row[6] - 0.05 == pytest.approx(off) and off > 0.18
+
+
+def test_nobody_is_expected_to_speed_up_to_more_than_the_speed_of_who_is_not_known():
+    still = np.zeros((1, 2, 3)), np.zeros(1), 0.0
+    ball = np.array([[0, 0, 0, 0, 0, 0, 0.01]], float)
+    for s in (ThreatSettings(), ThreatSettings(speed=1.0), ThreatSettings(jerk=0.0)):
+        threat = Threat(ball, *still, s)
+        for t in (0.05, 0.1, 0.2, 0.3, 0.5, 1.0):
+            calm = 0.5 * s.acceleration * t * t
+            most = max(calm, min(calm + s.jerk * t**3 / 6.0, s.speed * t))
+            assert growth(threat, t, t)[0] == pytest.approx(most)
+            assert growth(threat.as_so_far(), t, t)[0] == pytest.approx(calm)
 
 
 # --- names -----------------------------------------------------------------------
@@ -319,7 +331,7 @@ def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
             threat = watcher.look(now, 0.01 * k)
         lately = threat.as_lately()
         assert np.allclose(lately.most, [most, 4.0], atol=1e-6)
-        more = growth(lately, 0.1, 0.1) - growth(threat, 0.1, 0.1)
+        more = growth(lately, 0.1, 0.1) - growth(threat.as_so_far(), 0.1, 0.1)
         beyond = 0.5 * (most - 4.0) * (0.1**2 + 0.01 * 0.1)  # the velocity's error, too
         assert np.allclose(more, [beyond, 0.0], atol=1e-9)
         one, where = lately.of(np.array([1])), lately.between(0.1, 0.2)[0].capsules
@@ -444,7 +456,7 @@ def stood(noise, frames=40, settings=ThreatSettings):
 
 @pytest.mark.parametrize("noise", [0.0, 0.002])
 def test_what_is_left_alone_holds_who_starts_to_push_it_only_then(noise, rng):
-    before = stood(noise)
+    before = stood(noise).as_so_far()
     alone, now, least = before.left_alone(slice(1, None), 0.3), 0.8, 0.0
     assert growth(alone, 0.0, 0.3)[1] == pytest.approx(
         noise + (2.0 * noise / alone.window[1]) * 0.3

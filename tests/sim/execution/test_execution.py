@@ -184,9 +184,11 @@ def test_a_part_is_expected_where_its_velocity_brings_it(velocity):
     step = np.array([*velocity, *velocity, 0.0])
     rows = threat.between(0.1, 0.1)[0].capsules.copy()
     assert np.allclose(rows[:, :6], (moved + 0.1 * step)[:, :6])
-    a = ThreatSettings().acceleration
+    a, jerk = ThreatSettings().acceleration, ThreatSettings().jerk
     late = 0.5 * a * 0.01 * 0.1  # the velocity is the mean of the last 10 ms
-    assert rows[0, 6] - 0.05 == pytest.approx(0.5 * a * 0.1**2 + late)
+    assert rows[0, 6] - 0.05 == pytest.approx(
+        0.5 * a * 0.1**2 + jerk * 0.1**3 / 6.0 + late
+    )
     middle = threat.between(0.0, 0.1)[0].capsules
     assert np.allclose(middle[:, :6], (moved + 0.05 * step)[:, :6])
     speed = np.linalg.norm(velocity)

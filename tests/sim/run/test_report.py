@@ -1,6 +1,7 @@
 """Tables and JSON say what happened."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rich.console import Console
 from sim.loop.loop import LoopSettings, run_loop
 from sim.loop.run_result import Hold, RunResult, kind_of, percentiles
 from sim.run.report import print_report, setting, setting_line
+from sim.run.runner import touched_in
 from sim.tables.header import processor
 
 SHORT = LoopSettings(duration_s=3.0, speed_scale=1.0)
@@ -137,3 +139,15 @@ def test_a_result_is_frozen():
     result = result_of([0.1], [0.0])
     with pytest.raises(ValueError, match="read-only"):
         result.q[0] = 1.0
+
+
+def test_a_touch_on_the_way_is_told_with_what_the_person_did_more_than_assumed():
+    result = result_of([0.1] * 20, [0.1] * 20)
+    assert touched_in(result) == ""
+    still = result_of([0.1] * 19 + [0.0], [0.1] * 19 + [0.0])
+    assert touched_in(still) == ""  # they came to a robot that stood
+    touched = result_of([0.1] * 19 + [0.0], [0.1] * 20)
+    x = np.zeros((20, 1, 7))
+    x[10:, 0, 0] = 0.5 * 15.0 * (0.01 * np.arange(10)) ** 2
+    told = touched_in(replace(touched, capsules=x, rate_hz=100.0))
+    assert "in 1 frame:" in told and "up to 15 m/s2; assumed are 4" in told

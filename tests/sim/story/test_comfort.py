@@ -115,7 +115,7 @@ def berth_of(room, noise=0.0):
     executor = SimpleNamespace(
         robot=robot, planner=planner, period=period, settings=ExecutionSettings()
     )
-    return Berth(executor, ThreatSettings(noise=noise))
+    return Berth(executor, ThreatSettings(noise=noise, jerk=0.0))
 
 
 BALLS = np.array([[0.0, 0.0, 0.0, 0.1]])

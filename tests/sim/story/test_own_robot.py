@@ -36,7 +36,7 @@ from sim.story.grasping import (
 from sim.story.handover import Step
 from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
 from sim.story.play import new_story
-from sim.story.settings import GraspingSettings
+from sim.story.settings import PARTNER, GraspingSettings
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -970,18 +970,18 @@ def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
     human = handover.Human().placed(0.9, 0.0, np.pi)
     spare = []
     for threat in (
-        ThreatSettings(),
-        ThreatSettings(acceleration=9.0),
-        ThreatSettings(noise=0.003),
+        PARTNER,
+        replace(PARTNER, acceleration=9.0),
+        replace(PARTNER, noise=0.003),
     ):
         story = new_story(setup, sim.StorySettings(threat=threat), human)
         spare.append(story.targets.settings.spare_m)
     assert spare[1] > 2.0 * spare[0] and spare[2] > spare[0] + 0.003
     most = sim.StorySettings(threat=ThreatSettings(acceleration=1e4))
     assert new_story(setup, most, human).targets.settings.spare_m == 1.0
-    sensor = slow_to_stop(quick, ThreatSettings(noise=0.01))
+    sensor = slow_to_stop(quick, replace(PARTNER, noise=0.01))
     assert re.search(r"wrong by up to 10 mm.*better sensor", sensor)
-    thrust = slow_to_stop(quick, ThreatSettings(acceleration=100.0))
+    thrust = slow_to_stop(quick, replace(PARTNER, acceleration=100.0))
     assert "sensor" not in thrust and "[robot]" in thrust
 
 
@@ -1003,9 +1003,8 @@ def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
 def test_a_robot_slow_to_stop_passes_the_person_with_as_much_room_where_it_can(maps):
     story, human = story_of(maps)
     berth = story._berth
-    comes = slowest_stop(
-        maps[0].robot, story.executor.settings, PERIOD, ThreatSettings()
-    )
+    how = story.executor.settings, PERIOD, PARTNER
+    comes = slowest_stop(maps[0].robot, *how)
     assert berth.room == comes[1] > 0.015
     told, step = [], story.planner.step
 

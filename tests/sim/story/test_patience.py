@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from odm import load_map
+from odm.execution.threat import ThreatSettings
 from sim.story import settings as own
 from sim.story.play import StoryPlay
 from sim.story.request import LASTS_S, DemoRequest
-from sim.story.settings import StorySettings, patience_with
+from sim.story.settings import PARTNER, StorySettings, patience_with
 
 
 @pytest.fixture(scope="module")
@@ -66,4 +67,8 @@ def test_a_story_is_played_with_the_patience_of_its_robot(monkeypatch):
     setup.cell_map = type("Map", (), {"robot": "slow"})()
     with pytest.raises(Stop):
         StoryPlay(setup, Case("receive"))
-    assert asked == [("slow", {"direction": "receive"})]
+    with pytest.raises(Stop):  # of a recorded person nobody knows that they are calm
+        StoryPlay(setup, Case("give"), partner=object())
+    told = [{"direction": "receive", "threat": PARTNER}]
+    told += [{"direction": "give", "threat": ThreatSettings()}]
+    assert asked == [("slow", one) for one in told] and PARTNER != ThreatSettings()
