@@ -7,9 +7,9 @@ robot less than one who comes.
 
 The ball. Let an end's measured places be within e (`noise`) of the true ones, and its
 acceleration at most a until now; from now on that bound grows by j in every second
-(`jerk`). Its velocity is taken as the mean over a window W, v = (p(0) - p(-W)) / W. The true velocity *now* differs from the true mean by at most
-a W / 2, and the measured mean from that by at most 2 e / W. So after a time t the end
-is within
+(`jerk`). Its velocity is taken as the mean over a window W, v = (p(0) - p(-W)) / W. The
+true velocity *now* differs from the true mean by at most a W / 2, and the measured mean
+from that by at most 2 e / W. So after a time t the end is within
 
     R(t) = e + (2 e / W + a W / 2) t + a t^2 / 2 + j t^3 / 6
 

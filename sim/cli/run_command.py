@@ -72,9 +72,8 @@ def demo(request: DemoRequest) -> None:
 
 def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
-    from sim.maintenance.cases import WORK_PLACES
+    from sim.maintenance.cases import WORK_PLACES, pads_at
     from sim.run.meet import reach_map_of
-    from sim.story.cases import pads_of
     from sim.story.request import KEYBOARD, MOCAP
     from sim.story.tell import recorded_person, tell_story
     from sim.terminal.ahead import compile_ahead
@@ -95,7 +94,7 @@ def _hand_over(request: DemoRequest) -> None:
     folder = request.map_dir or built_map(load_recipe(at.recipe), request.threads)
     cell_map = load_map(folder)
     # told before a map of reach is built
-    pads_of(cell_map.robot, request.pads or at.pads)
+    pads_at(cell_map.robot, request.pads or (), at)
     with Bars() as tell:
         compile_ahead(STORY)  # nothing is left where it was done above
         reach = reach_map_of(cell_map.robot, request.reach, tell)

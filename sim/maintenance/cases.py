@@ -8,9 +8,11 @@ import numpy as np
 from handover import Human, ReachMap
 from handover.meet.held_object import HeldObject, fist_grasps
 from odm import CellMap, ReactivePlanner
+from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import capsule_gap
+from roadmap.robot.robot import Robot
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT
 from sim.story.cases import (
@@ -20,6 +22,7 @@ from sim.story.cases import (
     holder_at,
     in_reach,
     on_floor,
+    pads_of,
     rest_of,
     setup_of,
     upright,
@@ -156,6 +159,28 @@ def wrench_of(size: float) -> HeldObject:
     )
 
 
+def pads_at(robot: Robot, asked: Sequence[str], at: WorkPlace) -> tuple[str, ...]:
+    """Return the links that may touch a tool.
+
+    Args:
+        robot: The robot.
+        asked: By name; empty: those of the work place.
+        at: The work place.
+
+    Raises:
+        BadInput: There are none, or one that the tool does not carry.
+    """
+    own = gripper_links(robot)
+    if not asked and not own.issuperset(at.pads):
+        raise BadInput(
+            f"the map is of {robot.name}, whose tool carries no link {at.pads[0]!r}, "
+            f"which touches the tools at this work place ({at.recipe}); leave --robot, "
+            "or say which links may touch them with `--pads LINK`, of "
+            f"{', '.join(sorted(own))}"
+        )
+    return pads_of(robot, asked or at.pads)
+
+
 def tools_of(
     cell_map: CellMap,
     reach: ReachMap,
@@ -173,7 +198,8 @@ def tools_of(
     Raises:
         BadInput: The robot has no fingers.
     """
-    shared = setup_of(cell_map, reach, place=False, pads=pads or at.pads)
+    pads = pads_at(cell_map.robot, pads, at)
+    shared = setup_of(cell_map, reach, place=False, pads=pads)
     planner, nodes = shared.planner(), shared.index.nodes
     spare = grasp_spare(cell_map.robot)
     whole = [wrench_of(size) for size in SIZES]

@@ -186,11 +186,11 @@ def touched_in(result: RunResult) -> str:
     assumed, n = ThreatSettings(), int(touched.sum())
     frames = f"{n} frame" + "s" * (n > 1)
     return (
-        f"it was touched on its way in {frames}: up to {SPURT_S:g} s "
-        f"before, the person sped up by up to {sharp[near].max():.0f} m/s2; assumed are "
-        f"{assumed.acceleration:g}, and {assumed.jerk:g} more in every second from then "
-        "on (ThreatSettings). A robot that stops sooner is touched standing: give its "
-        "own limits of acceleration and jerk in [robot] of its recipe"
+        f"it was touched on its way in {frames}: up to {SPURT_S:g} s before, the "
+        f"person sped up by up to {sharp[near].max():.0f} m/s2; assumed are "
+        f"{assumed.acceleration:g}, and {assumed.jerk:g} more in every second from "
+        "then on (ThreatSettings). A robot that stops sooner is touched standing: give "
+        "its own limits of acceleration and jerk in [robot] of its recipe"
     )
 
 

@@ -254,9 +254,9 @@ class StorySettings:
         comfort: Where new paths had better not pass.
         threat: Bounds on the person's motion, and on the error of what is measured of
             them and of the object. Default: `PARTNER`, somebody who is calm and stays
-            so; beside people who work in a hurry give `ThreatSettings()`. With a sensor that is not exact give its `noise`,
-            else each of its errors is taken for a part that starts off, and the robot
-            waits.
+            so; beside people who work in a hurry give `ThreatSettings()`. With a sensor
+            that is not exact give its `noise`, else each of its errors is taken for a
+            part that starts off, and the robot waits.
     """
 
     direction: str = "give"

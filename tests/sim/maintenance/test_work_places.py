@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import odm
+from odm.frame.last_phase import gripper_links
+from roadmap.errors import BadInput
 from sim.maintenance import cases
 from sim.maintenance.cases import LadderCase
 from sim.story.cases import AT_PLACE, BACK
@@ -72,3 +74,11 @@ def test_a_work_place_comes_back_from_a_recording():
 def test_the_demo_is_played_with_either_robot_and_no_other():
     for robot in (None, *cases.WORK_PLACES):
         assert DemoRequest("maintenance", robot=robot).robot == robot
+
+
+def test_the_map_of_another_robot_is_refused_at_armars_work_place(small_map):
+    own, at = sorted(gripper_links(small_map.robot)), replace(ARMAR, pads=("claw",))
+    told = rf"map is of {small_map.robot.name}.*'claw'.*armar3_tools.*leave --robot"
+    with pytest.raises(BadInput, match=told):
+        cases.pads_at(small_map.robot, (), at)
+    assert cases.pads_at(small_map.robot, own[:1], at) == tuple(own[:1])
