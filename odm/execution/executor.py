@@ -26,7 +26,7 @@ import numpy as np
 from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import PaceSettings
 from odm.execution.shell_test import ShellTest
-from odm.execution.stop_test import BrakingTest, HeldOut
+from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
 from odm.execution.threat import Moving, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
@@ -149,6 +149,7 @@ class Executor:
         self.held: Motion | None = None
         self.held_t = 0.0
         self.state, self.reason = STANDING, ""
+        self._quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
@@ -163,8 +164,7 @@ class Executor:
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
         self._shells = ShellTest(planner)
-        # see `part_from`
-        self._held_out: tuple[HeldOut, BrakingTest] | None = None
+        self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         self._timed = TimedBefore()
         self.timed_path = False
         self._looked = False  # whether this frame looked if somebody comes
@@ -297,6 +297,8 @@ class Executor:
             commit: From `commit`, in this frame.
             threat: Where the person can be; None where nobody is about.
         """
+        if self._quick and isinstance(threat, Threat):
+            threat = threat.as_so_far()
         self._frame += 1
         self._updated, self._looked, self.timed_path = True, self.looks_out, False
         if self.off:

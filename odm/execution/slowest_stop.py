@@ -1,8 +1,10 @@
 """How far a person may come while a robot stops from the slowest speed it uses."""
 
-import numpy as np
+from dataclasses import replace
 
 from odm.execution.executor import ExecutionSettings
+from odm.execution.settings import PaceSettings
+from odm.execution.stop_test import stop_time
 from odm.execution.threat import ThreatSettings
 from roadmap.robot.robot import Robot
 
@@ -24,11 +26,7 @@ def slowest_stop(
         period: Time between frames [s].
         threat: What is assumed of the person, and of the sensor.
     """
-    speed = settings.slowest_scale * robot.max_velocity
-    a, jerk = robot.max_acceleration, robot.max_jerk
-    # either it comes to its full deceleration, or half of the time goes by until then
-    times = np.where(
-        speed >= a * a / jerk, speed / a + a / jerk, 2.0 * (speed / jerk) ** 0.5
-    )
-    time = period + float(times.max())
+    time = stop_time(robot, settings.slowest_scale, period)
+    if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
+        threat = replace(threat, jerk=0.0)
     return time, threat.strays(time, period)

@@ -15,6 +15,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
 from roadmap.motion.motion import Motion
+from roadmap.robot.robot import Robot
 
 _ROUNDING = 1e-9  # [m]
 
@@ -146,3 +147,20 @@ class BrakingTest:
             if self.planner.blocked_leg(corners, more - closer, there) is not None:
                 return False
         return True
+
+
+def stop_time(robot: Robot, speed_scale: float, period: float) -> float:
+    """Return how long the longest of the joints' stops takes [s].
+
+    Args:
+        robot: The robot.
+        speed_scale: Share of the joints' speed limits at which it begins.
+        period: Time between frames [s].
+    """
+    speed = speed_scale * robot.max_velocity
+    a, jerk = robot.max_acceleration, robot.max_jerk
+    # either it comes to its full deceleration, or half of the time goes by until then
+    times = np.where(
+        speed >= a * a / jerk, speed / a + a / jerk, 2.0 * (speed / jerk) ** 0.5
+    )
+    return period + float(times.max())

@@ -292,9 +292,11 @@ class Threat:
     def as_so_far(self) -> "Threat":
         """Return the same of a person who speeds up no harder from now on than so far.
 
-        For a robot that gets out of their way: expected to do more, they would keep it
-        where they touch it.
+        For a robot that is quick to stop, and for one that gets out of their way:
+        expected to do more, they would keep it where they touch it.
         """
+        if not (self.settings.jerk if self.jerk is None else self.jerk):
+            return self
         return replace(self, jerk=0.0)
 
     @cached_property

@@ -73,9 +73,7 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
             _show(task, result, figures, [live.sentence])
         data = live.figures(result) | {"map_hash": task.cell_map.hash} | figures
         return data | ({"exit_code": live.exit_code} if request.meets else {})
-    notes = notes_of(request, loop.motion, settings.duration_s)
-    if settings.execution == "timed" and (told := touched_in(result)):
-        notes.append(told)
+    notes = notes_of(request, loop, result)
     data = {
         "run": result.summary() | {"timing": result.timing()},
         **figures,
@@ -160,13 +158,16 @@ def simulate(loop: Loop, hear: Callable[[Frame], None]) -> RunResult:
     return result
 
 
-def notes_of(request: RunRequest, person: HumanMotion, seconds: float) -> list[str]:
-    """Return what a reader of the figures should know of the run of `seconds` [s]."""
+def notes_of(request: RunRequest, loop: Loop, result: RunResult) -> list[str]:
+    """Return what a reader of the figures should know of the run."""
+    person, seconds = loop.motion, loop.settings.duration_s
     notes = [*getattr(person, "notes", ())]
     if request.carry is not None:
         notes.append(f"with a ball of {100 * request.carry:g} cm radius in the hand")
     if ending := getattr(person, "ending", lambda run_s: None)(seconds):
         notes.append(ending)
+    if loop.settings.execution == "timed" and (touched := touched_in(result)):
+        notes.append(touched)
     return notes
 
 

@@ -1,12 +1,15 @@
 """What is said of the slowest stop is what a stop takes, and what a person covers."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from odm.execution.executor import ExecutionSettings
+from odm.execution.executor import ExecutionSettings, Executor
+from odm.execution.settings import PaceSettings
 from odm.execution.slowest_stop import slowest_stop
+from odm.execution.stop_test import stop_time
 from odm.execution.threat import ThreatSettings, Watcher
 from roadmap.motion.motion import time_path
 
@@ -51,3 +54,45 @@ def test_a_slower_robot_of_the_same_limits_stops_sooner(small_map):
         for scale in (0.9, 0.3)
     ]
     assert stops[0] > stops[1] > (PERIOD, 0.0)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_a_robot_slow_to_stop_expects_more_of_somebody_who_is_calm(small_map, quick):
+    robot = small_map.robot
+    times = 100.0 if quick else 0.2
+    robot = replace(
+        robot,
+        max_acceleration=times * robot.max_acceleration,
+        max_jerk=times * robot.max_jerk,
+    )
+    time = stop_time(robot, ExecutionSettings().slowest_scale, PERIOD)
+    assert (time <= PaceSettings().quick_s) == quick
+    watcher, stands = Watcher(), np.array([[1.0, 0, 0, 1, 0, 0.5, 0.05]])
+    for k in range(10):
+        seen = watcher.look(stands, PERIOD * k)
+    calm = seen.as_so_far()
+    comes = slowest_stop(robot, ExecutionSettings(), PERIOD, seen.settings)[1]
+    assert comes == pytest.approx((calm if quick else seen).strays(time))
+
+    def told(threat):
+        """Return how much larger the person is told to be in a few frames [m]."""
+        grown = []
+
+        class Planner:
+            cell_map = small_map
+
+            def blocked_leg(self, path, extra=0.0, points=None):
+                grown.append(points.capsules[0, 6] - 0.05)
+
+        executor = Executor(robot, Planner(), np.zeros(robot.dof), PERIOD)
+        path = np.array([np.zeros(robot.dof), np.full(robot.dof, 0.5)])
+        answer = SimpleNamespace(status="replanned", path=path, retreat=None, reason="")
+        for _ in range(30):
+            executor.update(answer, executor.commit(), threat)
+            executor.advance()
+            answer.status = "following"
+        return np.array(grown)
+
+    assert (told(seen) >= told(calm)).all()
+    assert (told(seen).max() > 1.3 * told(calm).max()) != quick
+    assert np.array_equal(told(seen), told(calm)) == quick
