@@ -127,6 +127,8 @@ class Executor:
         reason: One sentence while it is slowed or braked, or stands with a way out that
             it may not take.
         brakes: Whether the planner can test the path of a stop.
+        quick: Whether it stops so soon that nobody is expected to speed up harder
+            meanwhile than so far (`PaceSettings.quick_s`).
         timed_path: Whether the last `update` timed a new path, which takes a while.
     """
 
@@ -149,7 +151,7 @@ class Executor:
         self.held: Motion | None = None
         self.held_t = 0.0
         self.state, self.reason = STANDING, ""
-        self._quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
+        self.quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
@@ -297,7 +299,7 @@ class Executor:
             commit: From `commit`, in this frame.
             threat: Where the person can be; None where nobody is about.
         """
-        if self._quick and isinstance(threat, Threat):
+        if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()
         self._frame += 1
         self._updated, self._looked, self.timed_path = True, self.looks_out, False

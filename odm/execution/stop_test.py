@@ -97,10 +97,9 @@ class BrakingTest:
 
         Each sphere of the cover is compared with each part of the person, who is where
         they are expected in the middle of the time, grown by how far they may come if
-        they speed up no harder than so far: of
-        all pairs that are near anywhere, none may come nearer from place to place. This
-        tells which motions lead away; whether they touch the person is what `passes`
-        tells.
+        they speed up no harder than so far. Of all pairs that are near anywhere, none
+        may come nearer from place to place. This tells which motions lead away; whether
+        they touch the person is what `passes` tells.
 
         Args:
             motion: The motion in use.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from odm.execution.executor import Executor
 from odm.execution.threat import ThreatSettings
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult, stretches
@@ -166,16 +167,21 @@ def notes_of(request: RunRequest, loop: Loop, result: RunResult) -> list[str]:
         notes.append(f"with a ball of {100 * request.carry:g} cm radius in the hand")
     if ending := getattr(person, "ending", lambda run_s: None)(seconds):
         notes.append(ending)
-    if loop.settings.execution == "timed" and (touched := touched_in(result)):
-        notes.append(touched)
+    if isinstance(loop.executor, Executor):
+        notes += touched_in(result, loop.executor.quick)
     return notes
 
 
-def touched_in(result: RunResult) -> str:
-    """Return why a robot that stops in time was touched on its way; "": it was not."""
+def touched_in(result: RunResult, quick: bool) -> list[str]:
+    """Return a sentence on how a robot that brakes was touched on its way, if it was.
+
+    Args:
+        result: The run.
+        quick: See `Executor.quick`.
+    """
     touched = result.moving & (result.separation <= 0.0)
     if not touched.any():
-        return ""
+        return []
     before = round(SPURT_S * result.rate_hz)
     near = np.zeros(len(touched), bool)
     for a, _ in stretches(touched):
@@ -184,15 +190,20 @@ def touched_in(result: RunResult) -> str:
     sharp = np.zeros(len(near))
     change = np.diff(ends, 2, axis=0) * result.rate_hz**2
     sharp[2:] = np.nan_to_num(np.linalg.norm(change, axis=2).max(1, initial=0.0))
-    assumed, n = ThreatSettings(), int(touched.sum())
+    s, n = ThreatSettings(), int(touched.sum())
     frames = f"{n} frame" + "s" * (n > 1)
-    return (
+    more = "" if quick else f", and {s.jerk:g} more in every second from then on"
+    said = (
         f"it was touched on its way in {frames}: up to {SPURT_S:g} s before, the "
         f"person sped up by up to {sharp[near].max():.0f} m/s2; assumed are "
-        f"{assumed.acceleration:g}, and {assumed.jerk:g} more in every second from "
-        "then on (ThreatSettings). A robot that stops sooner is touched standing: give "
-        "its own limits of acceleration and jerk in [robot] of its recipe"
+        f"{s.acceleration:g}{more} (ThreatSettings)"
     )
+    if not quick:
+        said += (
+            ". A robot that stops sooner is touched standing: give its own limits of "
+            "acceleration and jerk in [robot] of its recipe"
+        )
+    return [said]
 
 
 def write_files(

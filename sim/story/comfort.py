@@ -124,7 +124,8 @@ class Berth:
             self._lower()
         elif self._left and hindered:
             self._left -= 1
-            self._level = self._level if self._left else 0
+            if not self._left:
+                self._level = 0
         self.told, self._larger = 0.0, False
         share = _SHARES[self._level]
         if not share or not self.room or not people:

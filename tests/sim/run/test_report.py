@@ -143,11 +143,13 @@ def test_a_result_is_frozen():
 
 def test_a_touch_on_the_way_is_told_with_what_the_person_did_more_than_assumed():
     result = result_of([0.1] * 20, [0.1] * 20)
-    assert touched_in(result) == ""
+    assert touched_in(result, False) == []
     still = result_of([0.1] * 19 + [0.0], [0.1] * 19 + [0.0])
-    assert touched_in(still) == ""  # they came to a robot that stood
+    assert touched_in(still, False) == []  # they came to a robot that stood
     touched = result_of([0.1] * 19 + [0.0], [0.1] * 20)
     x = np.zeros((20, 1, 7))
     x[10:, 0, 0] = 0.5 * 15.0 * (0.01 * np.arange(10)) ** 2
-    told = touched_in(replace(touched, capsules=x, rate_hz=100.0))
-    assert "in 1 frame:" in told and "up to 15 m/s2; assumed are 4" in told
+    touched = replace(touched, capsules=x, rate_hz=100.0)
+    (told,), (quick,) = touched_in(touched, False), touched_in(touched, True)
+    assert "in 1 frame:" in told and "up to 15 m/s2; assumed are 4, and 80" in told
+    assert "assumed are 4 (ThreatSettings)" in quick and "[robot]" not in quick
