@@ -388,13 +388,6 @@ class Handover:
         self.view.meant = np.concatenate((arm, offered))
         gives = self._give and self.state != table.RETREAT
         self.view.offered = 0 if gives else len(everything) - len(rows)
-        if threat is not None and self.view.phase == "give" and self._give:
-            # it stands: the arm that takes is meant to come, and not evaded
-            rest = np.ones(len(everything), bool)
-            rest[arm] = False
-            threat, self.view.classes = threat.of(rest), classes[rest]
-            self.view.meant = np.zeros(0, np.int64)  # left out already
-            people -= len(arm)
         near = rows[hand]
         gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
         hurries = self.conduct.hurries * self.settings.still_speed

@@ -34,7 +34,7 @@ from sim.story.grasping import (
     too_near,
 )
 from sim.story.handover import Step
-from sim.story.machine import FETCH, PUT_DOWN, TABLES, Machine
+from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine
 from sim.story.play import new_story
 from sim.story.settings import PARTNER, GraspingSettings
 
@@ -844,6 +844,33 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
         story.update(seen)
     assert set_to[0][0] is found[0].q_before
     assert set_to[6][0] is found[1].q_before and view_is_plain(story)
+
+
+def test_the_arm_that_takes_is_no_reason_to_evade_but_what_evades_stops_for_it(
+    maps, monkeypatch
+):
+    """A robot that got out of somebody's way was touched by the arm that takes."""
+    story, human = story_of(maps)
+    told = []
+
+    def update(executor, answer, commit, threat):
+        told.append((threat, story.view.meant, story.view.classes))
+
+    monkeypatch.setattr(type(story.executor), "update", update)
+    for state in (WAIT, RELEASE):
+        story.machine.state = state
+        story._enter()
+        story.update(
+            sim.StoryFrame(PERIOD * len(told), human, pulled(0.0), False, True)
+        )
+        threat, meant, classes = told[-1]
+        assert story.view.phase == "give"
+        assert len(threat.error) == len(classes) == len(human.labels)
+        assert np.array_equal(
+            human.labels[meant], human.labels[story._parts(human.labels)[1]]
+        )
+        touchable = human.labels[classes == odm.CONTACT]
+        assert set(touchable) == {handover.Part.RIGHT_HAND} and len(meant) > 1
 
 
 def test_pads_evade_an_object_that_is_carried_past_but_not_one_put_between_them(maps):
