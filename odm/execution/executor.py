@@ -66,6 +66,11 @@ class ExecutionSettings:
         encoder_error: Bound on the position error of any robot point that the encoders
             cause [m]; it is taken off the tracking share of m. It cannot be measured
             here, so the caller has to know it.
+        hold_delay_s: A robot that moves begins to hold so much later than the planner
+            says so [s], while its path up to the end of a stop is free of all that the
+            frame has, and of where the person may come. More: it goes on past a goal
+            that is taken for a moment, and nearer to one that stays taken. Less: beside
+            a hand that trembles it stops and starts anew at each tremble.
         levels: Levels of speed, of which the braking test lets it use the fastest.
         lower: Each is this share of the one above. More, or levels nearer to each
             other: it loses less speed to somebody far away, and needs more frames to
@@ -81,6 +86,7 @@ class ExecutionSettings:
     min_retreat_separation: float = 0.022
     yield_gap: float = 0.005
     encoder_error: float = 0.0
+    hold_delay_s: float = 0.2
     levels: int = 5
     lower: float = 0.6
 
@@ -94,6 +100,7 @@ class ExecutionSettings:
             "min_retreat_separation": (0.0, np.inf, "m"),
             "yield_gap": (0.0, 0.1, "m"),
             "encoder_error": (0.0, 0.1, "m"),
+            "hold_delay_s": (0.0, 10.0, "s"),
             "levels": (1, 100, ""),
             "lower": (0.01, 0.99, ""),
         }
@@ -179,7 +186,7 @@ class Executor:
         self._kept: Motion | None = None  # that was within it, or could not be
         self._kept_at = 0  # frame in which that was looked at
         self._hindered = -math.inf  # frame in which it last slowed down for somebody
-        self._frame = 0
+        self._frame, self._held_s = 0, 0.0  # the planner has held for so long
         self._retreat_frame = -pace.retreat_every  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
         self._evading = False  # it retreats from somebody, whatever the planner says
@@ -309,8 +316,11 @@ class Executor:
         if self._evades(threat):
             return
         if answer.status == "holding":
-            self._hold(answer, threat)
+            self._held_s += self.period
+            if not self._goes_on(threat):
+                self._hold(answer, threat)
         else:
+            self._held_s = 0.0
             self._separation.forget()
             if answer.status == "replanned" or not self._continues(answer.path):
                 self._join(answer.path, commit)
@@ -499,6 +509,26 @@ class Executor:
                 self._left = path, shares[k + 1 :]
                 break
         return False
+
+    def _goes_on(self, threat: Moving | None) -> bool:
+        """Whether it goes on along the path that it had, before it begins to hold.
+
+        The path beyond its stop may be blocked; the path to the end of the stop is free
+        here of what the frame has and of what stands still. What the person may do
+        meanwhile the braking test asks next, as in every frame.
+        """
+        if self._held_s > self.settings.hold_delay_s + 1e-9:
+            return False
+        if not self._on_path or self.at_rest or self.state == BRAKED:
+            return False
+        static = getattr(self.planner, "static", None)
+        if static is None or not isinstance(threat, Threat):
+            return False  # another robot is told the stop, not where this would go on
+        stop = self._stop_behind(self.motion, self.t)[1]
+        path = self.motion.path_from(self.t, stop.length)
+        if self.planner.blocked_leg(path) is not None:
+            return False
+        return bool(static.motions_free(path[:-1], np.diff(path, axis=0)).all())
 
     def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401
         self._on_path, self.reason = False, ""

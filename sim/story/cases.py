@@ -46,7 +46,10 @@ GRASPS = 8  # of the person
 JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
 SPEED = 0.7  # share of the joints' speed limits that the robot uses
 RATE = 100.0  # frames per second
-EXECUTION = ExecutionSettings(SPEED, yield_scale=SPEED, min_retreat_separation=0.005)
+# a hand-over waits by holding, and then at once
+EXECUTION = ExecutionSettings(
+    SPEED, yield_scale=SPEED, min_retreat_separation=0.005, hold_delay_s=0.0
+)
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
