@@ -78,7 +78,16 @@ def bounding_ball(robot: Robot) -> tuple[np.ndarray, float]:
 
     From the first moving joint on, every body's origin stays within the summed
     lengths of the links before it; a slide adds its longest travel.
+
+    Raises:
+        BadInput: No link that a joint moves has geometry.
     """
+    if not robot.moving.any():
+        raise BadInput(
+            f"no link of {robot.name} that a joint moves has geometry, so there is "
+            "nothing to keep clear; give those links <collision> shapes, or name "
+            "another tool (tip, --tip)"
+        )
     centers, extents = [], []
     for i in np.flatnonzero(robot.moving):
         body = int(robot.sphere_body[i])

@@ -207,6 +207,12 @@ def crowded_pairs(robot: Robot) -> set[frozenset[str]]:
     return always_touching_pairs(robot) | named
 
 
+def contact_shares(robot: Robot) -> dict[tuple[str, str], float]:
+    """Return in which share of the poses the links of each tested pair touch."""
+    names, shares = robot.link_names, _contact_share(robot)
+    return {(names[i], names[j]): share for (i, j), share in shares.items()}
+
+
 def always_touching_pairs(robot: Robot) -> set[frozenset[str]]:
     """Return the pairs of links that are not tested since they always touch."""
     return {frozenset(pair[:2]) for pair in robot.dropped_pairs if ALWAYS in pair[2]}

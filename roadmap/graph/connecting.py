@@ -8,6 +8,7 @@ import numpy as np
 
 from roadmap.chunks import Threads, Workers
 from roadmap.errors import BadInput, BuildRefused
+from roadmap.geometry.self_collision import contact_shares
 from roadmap.graph.near import NearSpec, near_nodes
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap, choose_landmarks
 from roadmap.graph.sampling import draw
@@ -158,10 +159,22 @@ def _sample(
         if drawn > _MAX_REJECTED * max(n_kept, 100):
             raise BuildRefused(
                 f"only {n_kept} of {drawn} drawn configurations are valid, which is "
-                f"too few for {settings.nodes} nodes; check the scenery, the locked "
-                "joints and the list of tested link pairs (`odm info`)"
+                f"too few for {settings.nodes} nodes; {_how_to_be_free(robot)}"
             )
     return np.concatenate(kept)[: settings.nodes], drawn
+
+
+def _how_to_be_free(robot: Robot) -> str:
+    """Return what would make more configurations valid, and which links touch most."""
+    shares = contact_shares(robot).items()
+    often = sorted(((share, pair) for pair, share in shares if share > 0.1))[:-4:-1]
+    if not often:
+        return "check the scenery, and what the locked joints are locked at"
+    pairs = ", ".join(f"{a} and {b} touch in {share:.0%}" for share, (a, b) in often)
+    return (
+        f"{pairs} of all poses: lock joints elsewhere (--lock), leave out pairs that "
+        "cannot touch (--srdf), or check the scenery"
+    )
 
 
 def _weights(robot: Robot, settings: RoadmapSettings) -> np.ndarray:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from odm.obstacles.grid import LARGEST_GRID, WorkspaceGrid
+from odm.obstacles.grid import LARGEST_GRID, WorkspaceGrid, bounding_ball
+from roadmap import load_robot
 from roadmap.errors import BadInput
 
 
@@ -18,3 +19,17 @@ def test_a_larger_grid_is_refused_with_the_remedy():
         WorkspaceGrid(np.zeros(3), 0.001, [LARGEST_GRID + 1, 1, 1])
     with pytest.raises(BadInput, match="4,194,304"):  # whose product wraps round
         WorkspaceGrid(np.zeros(3), 0.001, [2**22, 2**22, 2**20])
+
+
+def test_a_robot_without_geometry_that_moves_is_refused(tmp_path):
+    path = tmp_path / "bare.urdf"
+    path.write_text(
+        """<robot name="bare"><link name="base"><collision><geometry>
+        <sphere radius="0.1"/></geometry></collision></link><link name="arm"/>
+        <joint name="a" type="revolute"><parent link="base"/><child link="arm"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/>
+        </joint></robot>""",
+        encoding="utf-8",
+    )
+    with pytest.raises(BadInput, match="no link of bare that a joint moves has"):
+        bounding_ball(load_robot(path))

@@ -8,6 +8,7 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 from scipy.stats import qmc
 
+from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.graph.connecting import RoadmapSettings, build_roadmap
 from roadmap.graph.sampling import SAMPLERS, draw
@@ -15,6 +16,10 @@ from roadmap.graph.sampling import SAMPLERS, draw
 
 def everything_free(q, dq):
     return np.ones(len(q), bool)
+
+
+def nothing_free(q, dq):
+    return np.zeros(len(q), bool)
 
 
 @pytest.mark.parametrize(("dof", "seed"), [(1, 0), (7, 1), (20, 5)])
@@ -98,7 +103,30 @@ def test_components_are_reported_and_only_the_largest_is_kept(small_map):
 def test_a_place_with_no_valid_configuration_is_refused(small_map):
     settings = RoadmapSettings(nodes=50, neighbors=4)
     with pytest.raises(BuildRefused, match="only 0 of"):
-        build_roadmap(small_map.robot, settings, lambda q, dq: np.zeros(len(q), bool))
+        build_roadmap(small_map.robot, settings, nothing_free)
+
+
+def test_links_that_touch_in_many_poses_are_named_then(tmp_path):
+    """An arm whose last link folds back onto the base."""
+    box = '<collision><origin xyz="{} 0 0"/><geometry><box size="{} 0.1 0.1"/>'
+    box += "</geometry></collision>"
+    links = {
+        "base": box.format(0.2, 0.4),
+        "upper": box.format(0, 0.1),
+        "fore": box.format(0.1, 0.4),
+    }
+    joints = (("a", "base", "upper", 0.5), ("b", "upper", "fore", 0.0))
+    urdf = '<robot name="folded">'
+    urdf += "".join(f'<link name="{k}">{v}</link>' for k, v in links.items())
+    for name, parent, child, x in joints:
+        urdf += f'''<joint name="{name}" type="revolute"><parent link="{parent}"/>
+            <child link="{child}"/><origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>
+            <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'''
+    path = tmp_path / "folded.urdf"
+    path.write_text(urdf + "</robot>", encoding="utf-8")
+    settings = RoadmapSettings(nodes=50, neighbors=4)
+    with pytest.raises(BuildRefused, match=r"base and fore touch in \d+%.*--lock"):
+        build_roadmap(load_robot(path), settings, nothing_free)
 
 
 def test_weights_of_the_wrong_number_are_refused(small_map):
