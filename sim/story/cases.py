@@ -50,6 +50,7 @@ RATE = 100.0  # frames per second
 EXECUTION = ExecutionSettings(
     SPEED, yield_scale=SPEED, min_retreat_separation=0.005, hold_delay_s=0.0
 )
+_PADS = ("finger", "thumb", "pad")  # in the names of links that may touch an object
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
 BACK = 0.10  # [m] straight motions to an object
 _MOST_SPARE = 1.0  # [m] nobody hands over from farther away
@@ -457,20 +458,20 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
 
     Args:
         robot: The robot.
-        names: Of the links; empty: those that the tool carries with "finger" or "pad"
-            in their name.
+        names: Of the links; empty: those that the tool carries with "finger", "thumb"
+            or "pad" in their name, in small letters or capitals.
 
     Raises:
         BadInput: There are none, or one that the tool does not carry.
     """
     own = sorted(gripper_links(robot))
-    likely = (n for n in robot.link_names if "finger" in n or "pad" in n)
+    likely = (n for n in robot.link_names if any(word in n.lower() for word in _PADS))
     pads = tuple(names or (n for n in likely if n in own))
     if not pads:
         raise BadInput(
-            f"{robot.name}'s tool carries no link with 'finger' or 'pad' in its name, "
-            "so nothing could be grasped; say which may touch an object with `--pads "
-            f"LINK`, of {', '.join(own)}"
+            f"{robot.name}'s tool carries no link with 'finger', 'thumb' or 'pad' in "
+            "its name, so nothing could be grasped; say which may touch an object with "
+            f"`--pads LINK`, of {', '.join(own)}"
         )
     for name in names:
         if name not in own:

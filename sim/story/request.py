@@ -58,7 +58,7 @@ class DemoRequest:
     pads: list[str] | None = flag(
         None,
         "A link that may touch an object (handover, maintenance); again for more; "
-        "those with 'finger' or 'pad' in their name if left.",
+        "those with 'finger', 'thumb' or 'pad' in their name if left.",
         metavar="LINK",
     )
     object: str | None = flag(
