@@ -248,6 +248,8 @@ class Reaches:
             held may touch that one; None: nothing. It counts where there is a `thing`,
             which the hand may hold already.
         settings: How hard.
+        first: So many of the grasps come first; the others are tried where these lead
+            nowhere. None: all of them come first.
 
     Attributes:
         found: What is known at the present pose.
@@ -264,9 +266,11 @@ class Reaches:
         room: float = 0.0,
         on: int | None = None,
         settings: GraspingSettings = _GRASPING,
+        first: int | None = None,
     ) -> None:
         """Know nothing."""
         self.settings = settings
+        self._first = len(grasps) if first is None else first
         self.planner, self.index, self.back = planner, index, back
         self._rods, self._room = rods, room
         self.T_tool_object = np.array(grasps)
@@ -285,7 +289,9 @@ class Reaches:
         self._passed: list[Reach] = []  # those that somebody is in the way of
         self._queue: list[tuple[int, int | np.ndarray]] = []  # grasp; seed, or which
         self._starts = list(self._queue)  # all of them, for a shorter way back
+        self._later = list(self._queue)  # of the grasps that come last
         self._share = 0  # which of the shares of the way back
+        self._seeds = settings.seeds  # near nodes of each grasp, so far
         self._nodes: dict[int, np.ndarray] = {}
         self._T: np.ndarray | None = None
 
@@ -303,12 +309,22 @@ class Reaches:
         near = [(r.grasp, r.q) for r in self.found[:2]]
         self._T, self.found, self._nodes = np.array(T_base_object), [], {}
         self._tight, self._passed = [], []
-        n = range(len(self._T_object_tool))
-        seeds = [*near, *((g, seed) for own, seed in near for g in n if g != own)]
-        seeds += [(g, np.array(q)) for g in n]
-        self._queue = [*seeds, *((g, k) for k in range(self.settings.seeds) for g in n)]
+        all_, first = len(self._T_object_tool), self._first
+        self._queue = self._starts_of(range(first), near, q)
+        self._later = self._starts_of(range(first, all_), near, q)
         self._starts, self._share = list(self._queue), 0
+        self._seeds = self.settings.seeds
         self.work()
+
+    def _starts_of(
+        self, grasps: range, near: list[tuple[int, np.ndarray]], q: np.ndarray
+    ) -> list[tuple[int, int | np.ndarray]]:
+        """Return the starts for some grasps: found before, q (dof,), near nodes."""
+        seeds = [(own, seed) for own, seed in near if own in grasps]
+        seeds += [(g, seed) for own, seed in near for g in grasps if g != own]
+        seeds += [(g, np.array(q)) for g in grasps]
+        nodes = ((g, k) for k in range(self.settings.seeds) for g in grasps)
+        return [*seeds, *nodes]
 
     def work(self) -> bool:
         """Do one start; return whether something new was found."""
@@ -316,10 +332,24 @@ class Reaches:
             return False
         g, k = self._queue.pop(0)
         found = self._start(g, k) or self._take_tight() or self._take_passed()
-        shares = self.settings.shares
-        if not self._queue and not self.found and self._share + 1 < len(shares):
-            self._queue, self._share = list(self._starts), self._share + 1
+        if not self._queue and not self.found:
+            self._go_on()
         return found
+
+    def _go_on(self) -> None:
+        """Queue what is left to try where nothing was found, if there is anything.
+
+        A shorter way back, then the grasps that come last, then twice as many nodes.
+        """
+        if self._share + 1 < len(self.settings.shares):
+            self._queue, self._share = list(self._starts), self._share + 1
+        elif self._later:
+            self._queue, self._later = self._later, []
+        elif self._seeds < self.settings.most_seeds:
+            before, most = self._seeds, self.settings.most_seeds
+            self._seeds, self._nodes = min(2 * before, most), {}
+            n = range(len(self._T_object_tool))
+            self._queue = [(g, k) for k in range(before, self._seeds) for g in n]
 
     def _take_tight(self) -> bool:
         """Take those that lack room, once there are no others and will be none."""
@@ -355,7 +385,7 @@ class Reaches:
             return found
         if g not in self._nodes:
             T = self._T @ self._T_object_tool[g]
-            self._nodes[g] = self.index.nearest(T, self.settings.seeds)
+            self._nodes[g] = self.index.nearest(T, self._seeds)
         nodes = self._nodes[g]
         return k < len(nodes) and self._try(g, self.index.nodes[nodes[k]])
 

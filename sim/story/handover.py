@@ -181,8 +181,11 @@ class Handover:
         thing = None if self._give else self._carried
         beside = meet.obj.capsules, s.room
         self._grasps = grasps
-        told = self.planner, index, self._placeable(grasps), s.back, thing
-        self._reaches = Reaches(*told, *beside)
+        placeable = self._placeable(grasps)  # the others are taken where none reaches
+        in_order = grasps[np.argsort(~placeable, kind="stable")]
+        told = self.planner, index, in_order, s.back, thing
+        first = int(placeable.sum()) or None
+        self._reaches = Reaches(*told, *beside, first=first)
         self._taken: Reach | None = None
         self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
         self._tried = 0  # how often no motion to the object was free, in a row
@@ -878,12 +881,12 @@ class Handover:
         return look.found[0]
 
     def _placeable(self, grasps: np.ndarray) -> np.ndarray:
-        """Return the grasps (k, 4, 4) with which what is taken can be put down again.
+        """Return with which grasps (k, 4, 4) what is taken can be put down again.
 
-        All of them where there is no place, or none that any of them reaches.
+        Where there is no place all of them count.
         """
         if self._give or self._T_place is None:
-            return grasps
+            return np.ones(len(grasps), bool)
         index, s, found = self.targets.finder.index, self.settings, []
         beside = None, self._obj.capsules, s.room, None, HELD_AT_PLACE
         still = np.zeros_like(self._rest)
@@ -894,7 +897,7 @@ class Handover:
             while not look.over:
                 look.work()
             found.append(any(held.motion_free(r.q_before, still) for r in look.found))
-        return grasps[found] if any(found) else grasps
+        return np.array(found)
 
     def _looks_at_place(self) -> Reaches:
         """Return who looks for grasps in a place; by that with which it is held.

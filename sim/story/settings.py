@@ -128,7 +128,8 @@ class GraspingSettings:
     """How hard a grasp of what is held out is looked for (`grasping.Reaches`).
 
     Attributes:
-        seeds: Near nodes that inverse kinematics begins from, for each grasp.
+        seeds: Near nodes that inverse kinematics begins from, for each grasp,
+        most_seeds: ... and so many of them in all where those lead nowhere.
         shares: Shares of the straight way's length: each is tried where those before it
             lead nowhere.
         kept: Pairs, at the object and before it, that are kept.
@@ -143,6 +144,7 @@ class GraspingSettings:
     """
 
     seeds: int = 6
+    most_seeds: int = 48
     shares: tuple[float, ...] = (1.0,)
     kept: int = 4
     steps: int = 40
@@ -155,7 +157,8 @@ class GraspingSettings:
     most_out: float = 0.25
 
     def __post_init__(self) -> None:
-        counts = ("seeds", "kept", "steps", "lengths", "looked_at", "out_steps")
+        counts = ("seeds", "most_seeds", "kept", "steps", "lengths", "looked_at")
+        counts = (*counts, "out_steps")
         ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
         ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
         ranges |= {"tolerance": (1e-9, 0.1, ""), "straight": (0.01, np.pi, "rad")}
@@ -177,8 +180,8 @@ def patience_with(robot: Robot) -> float:
 
 
 # at a place on a table; the object in the hand is held by one grasp of four
-AT_PLACE = GraspingSettings(shares=(1.0, 0.75, 0.5))
-HELD_AT_PLACE = GraspingSettings(seeds=24, shares=(1.0, 0.75, 0.5))
+AT_PLACE = GraspingSettings(most_seeds=6, shares=(1.0, 0.75, 0.5))
+HELD_AT_PLACE = GraspingSettings(seeds=24, most_seeds=24, shares=(1.0, 0.75, 0.5))
 
 
 @dataclass(frozen=True)
