@@ -1,7 +1,7 @@
 """From a robot description to bodies: which joints move, what is fixed to what."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
 
 # Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
 DEFAULT_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
+QUICK = 12.0  # [rad/s] twice what the wrists of common arms do
+FASTER = "faster than arms beside people do"
 # A URDF has no acceleration or jerk: full speed in 0.25 s, full acceleration in 0.1 s.
 ACCELERATION_PER_VELOCITY = 4.0
 JERK_PER_ACCELERATION = 10.0
@@ -67,7 +69,7 @@ def build_tree(
         )
     tree = _tree(description, drives, moving, limits, values)
     _take_limits(tree.limits, moving, drives, given or {})
-    return tree
+    return replace(tree, notes=(*tree.notes, *_quick_joints(description, tree)))
 
 
 def bodies_of(
@@ -274,6 +276,17 @@ def _take_limits(
                 )
             if name in moving:
                 joint_limits[f"max_{kind}"][moving.index(name)] = value
+
+
+def _quick_joints(description: Description, tree: BodyTree) -> list[str]:
+    """Return a note for each joint that may turn faster than arms beside people do."""
+    fastest = zip(tree.joint_names, tree.limits["max_velocity"], strict=True)
+    return [
+        f"{name}: may turn at {v:g} rad/s, {FASTER}; if that stands for no limit, give "
+        "its own (velocity)"
+        for name, v in fastest
+        if v > QUICK and description.joints[name].kind != "prismatic"
+    ]
 
 
 def _joint_limits(description, moving, limits, drives):

@@ -10,6 +10,7 @@ import numpy as np
 
 from handover import ReachMap
 from odm import CellMap
+from roadmap.loading.body_tree import FASTER
 from sim.draw.film import FilmSettings
 from sim.draw.surroundings import all_triangles
 from sim.draw.world import SimulatorMissing
@@ -133,13 +134,18 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
     robot = setup.cell_map.robot
     told = f"{robot.name}, {run.case.direction}: {note}"
     slow = slow_to_stop(robot, run.story.settings.threat)
+    quick = [note for note in robot.notes if FASTER in note]
+    more = f" (and {len(quick) - 1} joints more)" if len(quick) > 1 else ""
+    quick = [f"{robot.name}'s joint {quick[0]}{more}"] if quick else []
     times, longer = patience_with(robot), ""
     if times > 1.0:
         longer = (
             f"{robot.name}'s joints are slow: it may take {times:.1f} times as long as "
             "a quick robot"
         )
-    return "\n".join(filter(None, (told, _about_place(setup, run), slow, longer)))
+    return "\n".join(
+        filter(None, (told, _about_place(setup, run), slow, *quick, longer))
+    )
 
 
 def _about_place(setup: StorySetup, run: StoryPlay) -> str:

@@ -135,6 +135,18 @@ def test_missing_velocity_limits_get_stated_defaults(arm):
     assert any("jerk" in note for note in robot.notes)
 
 
+def test_a_joint_that_may_turn_faster_than_arms_do_is_told(arm):
+    quick = '<limit lower="-1" upper="1" velocity="{}" effort="1"/>'
+    notes = load_robot(arm(BALL, inside=quick.format(100)), **COARSE).notes
+    assert any("may turn at 100 rad/s" in note for note in notes)
+    slow = load_robot(
+        arm(BALL, inside=quick.format(100)), velocity={"turn": 2}, **COARSE
+    )
+    slides = load_robot(arm(BALL, "prismatic", quick.format(100)), **COARSE)
+    for robot in (slow, slides):
+        assert not any("may turn at" in note for note in robot.notes)
+
+
 def test_a_revolute_joint_without_limits_gets_a_full_turn_and_says_so(arm):
     robot = load_robot(arm(BALL, inside='<limit effort="1"/>'), **COARSE)
     assert robot.lower[0] == -np.pi and robot.upper[0] == np.pi

@@ -296,6 +296,66 @@ def test_one_grasp_is_looked_for_from_as_many_nodes_as_four(setup):
     assert HELD_AT_PLACE.seeds == 4 * AT_PLACE.seeds
 
 
+def searched(reaches, setup, tried):
+    """Look to the end from where the robot rests; return (grasp, start) in order."""
+    order, own = [], Reaches._start
+
+    def start(self, grasp, k):
+        order.append((grasp, k if isinstance(k, int) else -1))
+        return tried(self, grasp, k) if tried else own(self, grasp, k)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Reaches, "_start", start)
+        reaches.begin(setup.T_place, setup.rest)
+        while not reaches.over and not reaches.found:
+            reaches.work()
+    return order
+
+
+def nowhere(reaches, grasp, k):
+    return False
+
+
+def test_grasps_that_come_last_are_tried_where_the_first_lead_nowhere(setup):
+    told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    reaches = Reaches(*told, settings=AT_PLACE, first=1)
+    found = searched(reaches, setup, None)
+    assert {grasp for grasp, _ in found} == {0} and reaches.found
+
+    def only_third(self, grasp, k):
+        self.found += ["it"] * (grasp == 2)
+
+    order = searched(Reaches(*told, settings=AT_PLACE, first=1), setup, only_third)
+    grasps = [grasp for grasp, _ in order]
+    n = grasps.index(1)  # all ways of the first grasp, of any length, come before
+    assert n == grasps.count(0) == 7 * len(AT_PLACE.shares)
+    assert grasps[n:] == [1, 2]
+
+
+def test_more_nodes_are_tried_where_the_near_ones_lead_nowhere(setup):
+    told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    own = replace(AT_PLACE, shares=(1.0,), seeds=3, most_seeds=20)
+    order = searched(Reaches(*told, settings=own), setup, nowhere)
+    every = [(g, k) for k in (-1, *range(20)) for g in range(4)]
+    assert sorted(order) == sorted(every)  # each once
+    few = replace(own, most_seeds=3)
+    order = searched(Reaches(*told, settings=few), setup, nowhere)
+    assert sorted(order) == sorted((g, k) for k in (-1, 0, 1, 2) for g in range(4))
+
+
+def test_what_cannot_be_put_down_again_is_taken_all_the_same(setup, monkeypatch):
+    """With a grasp that can be put down if one reaches; else with any that does."""
+    able = np.array([False, False, True, False])
+    monkeypatch.setattr(story_module.Handover, "_placeable", lambda *_: able)
+    story, _ = story_at(setup)
+    grasps = quarter_turns(setup.obj.T_tool_object)
+    assert story._reaches._first == 1
+    assert np.allclose(story._reaches.T_tool_object, grasps[[2, 0, 1, 3]])
+    able[:] = False
+    story, _ = story_at(setup)
+    assert story._reaches._first == 4
+
+
 def test_places_are_poses_its_own_first(setup):
     human = handover.Human().placed(3.0, 0.0, np.pi)
     story = new_story(setup, sim.StorySettings(direction="receive"), human)
