@@ -398,6 +398,8 @@ class Reaches:
         """Leave one out: it is blocked."""
         self.found = [r for r in self.found if r is not reach]
         self._take_tight()
+        if not (self._queue or self.found):
+            self._go_on()
 
     def moved_to(self, reach: Reach, T_base_object: np.ndarray) -> np.ndarray | None:
         """Return (dof,) with the same grasp where the object is now, near the old."""

@@ -343,6 +343,18 @@ def test_more_nodes_are_tried_where_the_near_ones_lead_nowhere(setup):
     assert sorted(order) == sorted((g, k) for k in (-1, 0, 1, 2) for g in range(4))
 
 
+def test_where_all_that_were_found_are_blocked_others_are_looked_for(setup):
+    told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
+    reaches = Reaches(*told, settings=replace(AT_PLACE, kept=1, shares=(1.0,)), first=1)
+    searched(reaches, setup, None)
+    reaches._queue = []
+    reaches.drop(reaches.found[0])
+    assert not reaches.over and not reaches.found
+    while not reaches.over and not reaches.found:
+        reaches.work()
+    assert reaches.found[0].grasp != 0
+
+
 def test_what_cannot_be_put_down_again_is_taken_all_the_same(setup, monkeypatch):
     """With a grasp that can be put down if one reaches; else with any that does."""
     able = np.array([False, False, True, False])
