@@ -424,10 +424,15 @@ class Executor:
 
     def _offset_free(self) -> bool:
         """Whether all that stands still is clear of the motion, moved by the offset."""
-        static = getattr(self.planner, "static", None)
-        if static is None or not math.isfinite(self.off):
+        if not math.isfinite(self.off):
             return False
-        path = self.motion.path_from(self.t) + self._tracking.offset
+        return self._keeps_clear(self.motion.path_from(self.t) + self._tracking.offset)
+
+    def _keeps_clear(self, path: np.ndarray) -> bool:
+        """Whether a path (k, dof) is clear of itself and of all that stands still."""
+        static = getattr(self.planner, "static", None)
+        if static is None:
+            return False
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
         return bool(static.motions_free(path[: len(legs)], legs).all())
 
@@ -521,14 +526,11 @@ class Executor:
             return False
         if not self._on_path or self.at_rest or self.state == BRAKED:
             return False
-        static = getattr(self.planner, "static", None)
-        if static is None or not isinstance(threat, Threat):
+        if not (self.brakes and isinstance(threat, Threat)):
             return False  # another robot is told the stop, not where this would go on
         stop = self._stop_behind(self.motion, self.t)[1]
         path = self.motion.path_from(self.t, stop.length)
-        if self.planner.blocked_leg(path) is not None:
-            return False
-        return bool(static.motions_free(path[:-1], np.diff(path, axis=0)).all())
+        return self._keeps_clear(path) and self.planner.blocked_leg(path) is None
 
     def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401
         self._on_path, self.reason = False, ""

@@ -202,9 +202,8 @@ def with_pairs(
 
 def crowded_pairs(robot: Robot) -> set[frozenset[str]]:
     """Return the pairs of links that touch in more than half of all sampled poses."""
-    often = [pair for pair, share in _contact_share(robot).items() if share > 0.5]
-    named = {frozenset(robot.link_names[i] for i in pair) for pair in often}
-    return always_touching_pairs(robot) | named
+    often = (pair for pair, share in contact_shares(robot).items() if share > 0.5)
+    return always_touching_pairs(robot) | set(map(frozenset, often))
 
 
 def contact_shares(robot: Robot) -> dict[tuple[str, str], float]:

@@ -1,12 +1,90 @@
-"""Which links may touch an object, told by their names."""
+"""`--pads`: which links may touch an object, whatever their names are."""
+
+from types import SimpleNamespace
 
 import pytest
 
+import handover
+import odm as package
 from roadmap import load_robot
 from roadmap.errors import BadInput
-from sim.story.cases import pads_of
+from sim.bench import view as view_bench
+from sim.bench.handover import story as story_bench
+from sim.people.partner import Partner
+from sim.record import write_record
+from sim.story.cases import StoryCase, pads_of, setup_of
+from sim.story.play import StoryPlay
+from sim.story.record import StoryRecorder
+from sim.story.request import DemoRequest
 
 BALL = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+
+
+@pytest.fixture(scope="module")
+def maps(meet_maps):
+    return package.load_map(meet_maps[0]), handover.load_reach_map(meet_maps[1])
+
+
+def test_a_robot_without_fingers_is_told_of_pads_and_of_its_links(maps):
+    with pytest.raises(BadInput, match=r"--pads LINK`, of .*flange"):
+        setup_of(*maps)
+    with pytest.raises(BadInput, match=r"--pads link9.* no such link.*flange"):
+        setup_of(*maps, pads=["flange", "link9"])
+    setup = setup_of(*maps, pads=["flange"])
+    assert setup.planner().settings.finger_pads == ("flange",)
+
+
+def test_the_command_takes_pads_and_only_of_a_hand_over(odm, meet_maps, tmp_path):
+    words = ("demo", "handover", "--map", meet_maps[0], "--reach", meet_maps[1])
+    for pads, told in [((), "--pads LINK"), (("--pads", "nail"), "--pads nail")]:
+        code, _, error = odm(*words, *pads, "--out", tmp_path)
+        assert code == 2 and told in error and "flange" in error
+    with pytest.raises(BadInput, match="--pads goes with `odm demo handover`"):
+        DemoRequest(pads=["flange"])
+
+
+def test_benches_of_a_hand_over_take_pads(maps, meet_maps, monkeypatch):
+    told = dict(reach=meet_maps[1], short=True)
+    for bench in (story_bench, view_bench):
+        with pytest.raises(BadInput, match=r"--pads nail: .*flange"):
+            bench.run(meet_maps[0], pads=["nail"], **told)
+    jobs = []
+
+    def played(play, some, processes, tell):
+        jobs.extend(some)
+        return []
+
+    monkeypatch.setattr(story_bench, "play_all", played)
+    monkeypatch.setattr(story_bench, "_tables", lambda played, short: {})
+    found = story_bench.run(meet_maps[0], pads=["flange"], **told)
+    assert found["setup"]["links that may touch an object"] == "flange"
+    assert "slowest speed" in found["setup"]["slow to stop"]
+    monkeypatch.setattr(story_bench, "_KEPT", {})
+    monkeypatch.setattr(story_bench, "rehearse", lambda setup: None)
+    given = []
+    monkeypatch.setattr(
+        story_bench, "StoryPlay", lambda setup, case: given.append(setup.pads)
+    )
+    ran = SimpleNamespace(cpu_s=[0.0])
+    monkeypatch.setattr(story_bench, "play", lambda run, seconds: ran)
+    monkeypatch.setattr(story_bench, "figures_of", lambda result: {})
+    story_bench._played(jobs[0])
+    assert given == [("flange",)]
+
+
+def test_a_recording_is_played_again_with_its_own_pads(odm, maps, meet_maps, tmp_path):
+    setup = setup_of(*maps, pads=["flange"])
+    case = StoryCase("receive", distance=1.2)
+    body = case.body()
+    giver = Partner(body, setup.side, setup.obj, case.traits, gives=True)
+    run = StoryPlay(setup, case, partner=giver)
+    recorder = StoryRecorder(run)
+    for _ in range(20):
+        recorder.add(run.step())
+    file = write_record(recorder.record(), tmp_path / "run.npz")
+    told = ("--map", meet_maps[0], "--reach", meet_maps[1])
+    code, out, error = odm("replay", file, *told)
+    assert code == 0 and "same: 20 frames" in out, error
 
 
 def robot_with(tmp_path, names):
@@ -27,13 +105,3 @@ def robot_with(tmp_path, names):
 def test_fingers_thumbs_and_pads_are_known_by_their_names(tmp_path):
     robot = robot_with(tmp_path, ("RFinger11", "R_THUMB_2", "left_pad", "camera"))
     assert set(pads_of(robot)) == {"RFinger11", "R_THUMB_2", "left_pad"}
-
-
-def test_those_that_are_named_count_alone(tmp_path):
-    robot = robot_with(tmp_path, ("finger", "camera"))
-    assert pads_of(robot, ["camera"]) == ("camera",)
-
-
-def test_without_any_the_links_are_told(tmp_path):
-    with pytest.raises(BadInput, match="--pads LINK`, of camera, hand"):
-        pads_of(robot_with(tmp_path, ("camera",)))
