@@ -5,11 +5,16 @@ other files or at their constants. Stale machine code is a safety matter, so wha
 was compiled from a file is thrown away whenever the text of that file, or of any file
 of ours that it imports, directly or not, has changed. The files are found by what they
 hold, so a new folder is protected as soon as it has a loop.
+
+numba keeps machine code beside its source; where `NUMBA_CACHE_DIR` is set, there; and
+where the sources cannot be written to, in the user's own cache (`kept_in`).
 """
 
 import hashlib
 import json
+import os
 import re
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -80,12 +85,40 @@ def drop_stale_code(root: Path | None = None) -> list[Path]:
     for file in sources.compiled():
         known = folders.setdefault(file.parent, {})
         known[file.stem] = sources.digest(file)
-    return [f for folder, digests in folders.items() for f in _drop(folder, digests)]
+    dropped = {
+        folder / f"{name}.py"
+        for folder, digests in folders.items()
+        for place in kept_in(folder)
+        for name in _drop(place, digests)
+    }
+    return sorted(dropped)
 
 
-def _drop(folder: Path, digests: dict[str, str]) -> list[Path]:
-    """Delete what was compiled in a folder from other texts than these."""
-    compiled = folder / "__pycache__"
+def kept_in(folder: Path) -> list[Path]:
+    """Return where numba may keep the machine code of a folder's loops.
+
+    The user's own cache is one of them where it has some, or will have.
+    """
+    beside = folder / "__pycache__"
+    above = os.path.abspath(folder)  # as numba does it: links are not followed
+    name = f"{folder.name}_{hashlib.sha1(above.encode()).hexdigest()}"
+    places = [beside]
+    if told := os.environ.get("NUMBA_CACHE_DIR"):
+        places.append(Path(told) / name)
+    own = _user_cache() / name
+    if own.exists() or not os.access(beside if beside.exists() else folder, os.W_OK):
+        places.append(own)
+    return places
+
+
+def _user_cache() -> Path:
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "numba"
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "numba"
+
+
+def _drop(compiled: Path, digests: dict[str, str]) -> list[str]:
+    """Delete what was compiled from other texts than these; return the files' names."""
     stamp = compiled / _STAMP
     try:
         before = _known(stamp)
@@ -96,11 +129,11 @@ def _drop(folder: Path, digests: dict[str, str]) -> list[Path]:
         for file in compiled.glob("*.nb[ic]"):
             if file.name.partition(".")[0] not in kept:
                 file.unlink(missing_ok=True)
-        compiled.mkdir(exist_ok=True)
+        compiled.mkdir(parents=True, exist_ok=True)
         stamp.write_text(json.dumps(digests))
     except OSError:
         return []
-    return [folder / f"{name}.py" for name in stale]
+    return stale
 
 
 def _known(stamp: Path) -> dict[str, str]:

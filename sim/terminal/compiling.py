@@ -13,6 +13,8 @@ import time
 from functools import cache
 from pathlib import Path
 
+from roadmap.kernel_cache import kept_in
+
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = Path(__file__).with_name("compile_costs.json")
 TRUSTED_S = 5.0  # of the table's seconds: after so many the pace seen here counts
@@ -86,21 +88,20 @@ class Compiling:
 
 
 def compiled(root: Path, names: dict[str, float]) -> set[str]:
-    """Return those of the loops that lie compiled beside their sources.
+    """Return those of the loops that lie compiled where numba looks for them.
 
-    Where that folder cannot be written, or NUMBA_CACHE_DIR says so, they lie elsewhere.
+    With NUMBA_CACHE_DIR that is there alone.
     """
-    elsewhere = os.environ.get("NUMBA_CACHE_DIR")
+    first = 1 if os.environ.get("NUMBA_CACHE_DIR") else 0
     by_folder: dict[Path, set[str]] = {}
     found = set()
-    everywhere = _stems(Path(elsewhere).rglob("*.nbi")) if elsewhere else set()
     for name in names:
         module, _, loop = name.rpartition(".")
         file = root / module.replace(".", "/")
-        folder = file.parent / "__pycache__"
+        folder = file.parent
         if folder not in by_folder:
-            beside = () if elsewhere else folder.glob("*.nbi")
-            by_folder[folder] = _stems(beside) | everywhere
+            places = kept_in(folder)[first:]
+            by_folder[folder] = _stems(f for p in places for f in p.glob("*.nbi"))
         if f"{file.name}.{loop}" in by_folder[folder]:
             found.add(name)
     return found

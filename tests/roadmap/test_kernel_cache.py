@@ -1,10 +1,13 @@
 """Compiled loops are dropped when any text they were compiled from has changed."""
 
+import os
 from pathlib import Path
 
 import pytest
+from numba import config
+from numba.core import caching
 
-from roadmap.kernel_cache import Sources, drop_stale_code
+from roadmap.kernel_cache import Sources, drop_stale_code, kept_in
 
 ROOT = Path(__file__).resolve().parents[2]
 KERNEL = (
@@ -15,6 +18,14 @@ KERNEL = (
 def write(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
+
+
+@pytest.fixture(autouse=True)
+def nowhere_else(tmp_path, monkeypatch):
+    """Let there be no machine code but beside the sources."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
 
 
 @pytest.fixture
@@ -80,6 +91,42 @@ def test_a_new_folder_is_protected_as_soon_as_it_has_a_loop(tree):
     write(tree / "roadmap/deep/limits.py", "MOST = 5\n")
     assert {f.stem for f in drop_stale_code(tree)} == {"_middle", "_above", "_new"}
     assert compiled(tree) == {"_apart"}
+
+
+@pytest.mark.parametrize("whose", ["told", "user's"])
+def test_code_that_is_kept_elsewhere_is_dropped_too(tree, tmp_path, monkeypatch, whose):
+    if whose == "told":
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    else:  # the sources belong to somebody else
+        monkeypatch.setattr(os, "access", lambda *_: False)
+    drop_stale_code(tree)
+    for folder, loop in (("odm/inner", "_middle"), ("handover", "_apart")):
+        place = kept_in(tree / folder)[-1]
+        assert not place.is_relative_to(tree / folder)
+        write(place / f"{loop}.one-4.py311.nbi", "machine code")
+        (tree / folder / "__pycache__" / f"{loop}.{loop[1:]}-4.py311.nbi").unlink()
+    assert drop_stale_code(tree) == []
+    write(tree / "roadmap/deep/limits.py", "MOST = 4\n")
+    assert {file.stem for file in drop_stale_code(tree)} == {"_middle", "_above"}
+    left = {p.name for p in tmp_path.rglob("*.nbi")}
+    assert "_middle.one-4.py311.nbi" not in left and "_apart.one-4.py311.nbi" in left
+
+
+def test_numba_looks_in_these_places(tree, tmp_path, monkeypatch):
+    file = tree / "odm/inner/_middle.py"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    kinds = "InTreeCacheLocator", "UserProvidedCacheLocator", "UserWideCacheLocator"
+    found = []
+    for name in kinds:  # older numbas hide them
+        kind = getattr(caching, name, None) or getattr(caching, f"_{name}")
+        found.append(kind(nothing, str(file)).get_cache_path())
+    assert [str(place) for place in kept_in(file.parent)] == found
+
+
+def nothing():
+    """Stand for a loop."""
 
 
 def test_every_loop_of_this_project_is_found_with_what_it_calls():

@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from roadmap.kernel_cache import kept_in
 from sim.terminal import compiling, progress
 from sim.terminal.checks import Limits
 from sim.terminal.compiling import Compiling
@@ -97,10 +98,10 @@ def test_a_command_that_needs_nothing_says_nothing(packages):
 
 def test_a_cache_elsewhere_is_looked_into(packages, monkeypatch, tmp_path):
     compiled(packages, "two")  # beside the source, where numba does not look then
-    other = tmp_path / "cache" / "odm_search"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    other = kept_in(packages / "odm" / "search")[1]
     other.mkdir(parents=True)
     (other / "_step.one-1.py311.nbi").write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     assert Compiling("run", packages).progress()[0] == 1
 
 
