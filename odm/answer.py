@@ -70,7 +70,6 @@ class Answer:
         "_times",
         "_told",
         "certified",
-        "frame",
         "goal",
         "held",
         "path",
@@ -84,23 +83,21 @@ class Answer:
         path: np.ndarray,
         goal: int | None,
         certified: str,
-        times: tuple[int, int, int],
-        counted: tuple[bytes, bytes],
+        times: tuple[int, int],
+        counted: bytes,
         explain: "Explains | None" = None,
-        frame: int = 0,
         stage: str | None = None,
         held: str | None = None,
     ) -> None:
         """Keep the values; `explain` is asked when the reason or the retreat is.
 
-        `times` are begin, end of the occupancy and end [ns]; `counted` the counts of
-        the cloud and of the search, as bytes: they are seldom looked at.
+        `times` are begin and end [ns]; `counted` is what the compiled frame counted
+        (`Stats` in `odm/search/_state.py`), as bytes: it is seldom looked at.
         """
         self.status = status
         self.path = path
         self.goal = goal
         self.certified = certified
-        self.frame = frame
         self.stage = stage
         self.held = held
         self._times = times
@@ -110,9 +107,15 @@ class Answer:
         self._led: tuple[np.ndarray | None] | None = None
 
     @property
+    def frame(self) -> int:
+        """Number of the frame."""
+        return self._counts()[6]
+
+    @property
     def latency_s(self) -> dict[str, float]:
         """Seconds by stage: "occupancy", "plan", "total"."""
-        begun, marked, ended = self._times
+        begun, ended = self._times
+        marked = self._counts()[7]
         return {
             "occupancy": 1e-9 * (marked - begun),
             "plan": 1e-9 * (ended - marked),
@@ -122,11 +125,13 @@ class Answer:
     @property
     def work(self) -> "Work":
         """Counted work of the frame."""
-        counts, stats = (np.frombuffer(c, np.int64).tolist() for c in self._counted)
-        blocks, inside, outside, bad = counts[:4]
-        popped, tests, flooded, close, runs = stats[:5]
+        popped, tests, flooded, close, runs = self._counts()[:5]
+        blocks, inside, outside, bad = self._counts()[8:]
         n_points = inside + outside + bad
         return Work(n_points, outside, blocks, tests, popped, flooded, close, runs)
+
+    def _counts(self) -> list[int]:
+        return np.frombuffer(self._counted, np.int64).tolist()
 
     @property
     def reason(self) -> str | None:

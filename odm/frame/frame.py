@@ -6,7 +6,6 @@ that were seen last, what stands in the hand and around, and the distances that 
 
 import math
 from threading import get_ident
-from time import perf_counter_ns
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -29,6 +28,7 @@ from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.search import _frame as kernels
+from odm.search import _step as step
 from odm.search.state import DirectMap, exchange, lay_out
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
@@ -219,34 +219,44 @@ class Frame:
         rounding: float | None,
         stamp: float | None,
         now: float | None,
+        q: np.ndarray | None = None,
     ) -> int:
         """Copy and mark a frame's points (n, 3) of the world, as `checked` gave them.
 
-        `trouble` says whether they can be used.
+        `trouble` says whether they can be used. Where they can, no time was given and
+        `q` is, the frame is answered from there in the same compiled call.
 
         Returns:
-            When they were marked, by `time.perf_counter_ns`.
+            What `respond` says, or NOT_ASKED (`odm/search/_step.py`).
         """
+        if stamp is not None or now is not None:
+            q = None
         if (covering_radius, rounding) != self.sampled:
             self.set_sampling(covering_radius, rounding)
         if self.obstacles is not None:
-            return self._take_shapes(points, stamp, now)
+            return self._take_shapes(points, stamp, now, q)
         self.n_given = len(points)
         if len(points) > len(self.memory.cloud.where):
             self.grow_clouds(2 * len(points))
         buffer = self.points
         if self.watch.seen_inside is not None or len(points) != len(buffer):
             buffer = self._buffer_for(len(points))
-        # whether some are not finite or most lie outside the grid
-        odd = kernels.begin_step(self.memory.table, points, buffer)
-        marked = perf_counter_ns()
-        self.trouble = None
-        if odd or stamp is not None or now is not None:
-            self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
-        return marked
+        self.trouble, said = None, step.NOT_ASKED
+        if q is not None:
+            said = step.step_points(self.memory.table, points, buffer, q)
+            if said != step.NOT_ASKED:
+                return said
+        else:
+            kernels.begin_step(self.memory.table, points, buffer)
+        self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
+        return said
 
     def _take_shapes(
-        self, points: np.ndarray, stamp: float | None, now: float | None
+        self,
+        points: np.ndarray,
+        stamp: float | None,
+        now: float | None,
+        q: np.ndarray | None,
     ) -> int:
         """Take a frame's points and the shapes of `obstacles`; see `take`."""
         obstacles, memory = self.obstacles, self.memory
@@ -258,26 +268,32 @@ class Frame:
         self.n_given = len(points)
         room, now_seen, trouble = self._buffers[self._buffer], self.points, None
         table, data, counts = memory.table, obstacles.data, obstacles.counts
-        n, odd = kernels.begin_shapes(table, points, data, counts, room), False
+        if q is not None and now_seen.base is room:
+            n_before = len(now_seen)
+            said = step.step_shapes(table, points, data, counts, room, n_before, q)
+            if said != step.NOT_ASKED:
+                self.trouble = None
+                return said
+            n = memory.numbers.taken.item()
+        else:
+            n = kernels.begin_shapes(table, points, data, counts, room)
         if n != len(now_seen) or now_seen.base is not room:  # others than before
-            odd, trouble = self._take_others(n, points)
-        marked = perf_counter_ns()
-        if trouble is None and (odd or stamp is not None or now is not None):
-            trouble = self.watch.unfit(memory.cloud.counts, self, stamp, now)
+            trouble = self._take_others(n, points)
+        if trouble is None:
+            trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
         self.trouble = trouble
-        return marked
+        return step.NOT_ASKED
 
-    def _take_others(self, n: int, points: np.ndarray) -> tuple[bool, str | None]:
+    def _take_others(self, n: int, points: np.ndarray) -> str | None:
         """Go on where `begin_shapes` returned another number of points than before.
 
         Returns:
-            Whether some cannot be used as they are, and why there are none to use.
+            Why there are no points to use, None where there are.
         """
         obstacles = self.obstacles
         while True:
             memory, room = self.memory, self._buffers[self._buffer]
-            odd = n >= kernels.ODD
-            if odd:
+            if n >= kernels.ODD:
                 n -= kernels.ODD
             if n == kernels.MORE_PATTERNS:
                 self._fit_shapes(obstacles, 2 * len(memory.patterns.rows) + 1024)
@@ -304,7 +320,7 @@ class Frame:
             n = len(points)
         if n != len(self.points) or self.points.base is not room:
             self._view_of(min(n, len(room)))
-        return odd, trouble
+        return trouble
 
     def _know(self, obstacles: Obstacles) -> None:
         """Lay out what never changes about obstacles: room, and their meshes."""

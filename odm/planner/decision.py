@@ -115,13 +115,28 @@ class Decision:
         self.only_seen = True
         step.notice(self._memory.table, q, _NO_TIME if now is None else now)
 
-    def decide(self, q: np.ndarray, now: float | None) -> int:
-        """Answer a frame that can be used: what `respond` returns."""
-        attacher, self.only_seen, self.joined = self.attacher, False, False
-        if self.new_goals or (attacher.without_cells and not self.path.followed):
-            self._join_ahead(q)
+    def begin(self) -> bool:
+        """Begin a frame; return whether it may be answered as it is taken.
+
+        Not where q may have to be joined to the roadmap first.
+        """
+        self.only_seen = self.joined = False
+        return not (self.new_goals or self._may_linger)
+
+    @property
+    def _may_linger(self) -> bool:
+        return self.attacher.without_cells and not self.path.followed
+
+    def decide(self, q: np.ndarray, now: float | None, said: int) -> int:
+        """Answer a frame that can be used: what `respond` returns.
+
+        `said`: what it returned where the frame was answered as it was taken.
+        """
         now = _NO_TIME if now is None else now
-        said = step.respond(self._memory.table, q, now)
+        if said == step.NOT_ASKED:
+            if self.new_goals or self._may_linger:
+                self._join_ahead(q)
+            said = step.respond(self._memory.table, q, now)
         code = said % _SEGMENT
         if code <= _PLANNED:
             return said

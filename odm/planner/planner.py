@@ -114,7 +114,6 @@ class ReactivePlanner:
         watch = SensorWatch(s.max_age_s, s.max_range_m)
         frame = self.frame = Frame(cell_map, s.point_capacity, s.finger_pads, watch)
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self._step = self._numbers.step
         self.carrier = Carrier(frame)
         self._last_phase = LastPhase(frame)
         self._path_test = PathTest(frame, self._last_phase)
@@ -463,30 +462,31 @@ class ReactivePlanner:
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
         if self.attacher.is_stale:
             self.attacher.forget_all()
-        marked = frame.take(points, covering_radius, rounding, stamp, now)
-        shapes = frame.obstacles is not None and frame.n_given == 0
-        times, closed = (begun, marked), closed or labels is not None or shapes
-        if frame.trouble is not None:
-            return self._hold(times, closed, frame.trouble)
-        said = self.decision.decide(q, now)
-        if said % _SEGMENT > _PLANNED:
-            return self._beyond(q, said, times, closed, now)
-        return self._say(q, said, times, closed)
+        at_once = q if self.decision.begin() else None
+        said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
+        if not closed:
+            shapes = frame.obstacles is not None and frame.n_given == 0
+            closed = shapes or labels is not None
+        if said % _SEGMENT > _PLANNED:  # or it was not answered yet
+            if frame.trouble is not None:
+                return self._hold(begun, closed, frame.trouble)
+            said = self.decision.decide(q, now, said)
+            if said % _SEGMENT > _PLANNED:
+                return self._beyond(q, said, begun, closed, now)
+        return self._say(said, begun, closed)
 
-    def _say(
-        self, q: np.ndarray, said: int, times: tuple[int, int], closed: bool
-    ) -> Answer:
+    def _say(self, said: int, begun: int, closed: bool) -> Answer:
         """Answer with the rest of the path in use, which was found free."""
         if said != self._said:  # mostly it is what the frame before said
             self._unpack(said)
         code, corners = said % _SEGMENT, self._ahead.copy()
-        corners[0], goal, path = q, self._goal, self.path
+        goal, path = self._goal, self.path
         if code == _FOLLOWING:
             path.followed = True
-            return self._answer(FOLLOWING, corners, goal, times, closed, IN_USE)
+            return self._answer(FOLLOWING, corners, goal, begun, closed, IN_USE)
         status = FOLLOWING if path.followed and path.is_same else REPLANNED
         path.followed, stage = True, stage_of(code, corners)
-        return self._answer(status, corners, goal, times, closed, stage)
+        return self._answer(status, corners, goal, begun, closed, stage)
 
     def see(
         self,
@@ -527,14 +527,14 @@ class ReactivePlanner:
     def _unpack(self, said: int) -> None:
         """Take apart what `respond` said: the corners ahead, and the goal."""
         begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
-        self._said, self._ahead = said, self.path.q[begin:end]
+        self._said, self._ahead = said, self._memory.ahead.q[: end - begin]
         self._goal = said // _GOAL - 1
 
     def _beyond(
         self,
         q: np.ndarray,
         said: int,
-        times: tuple[int, int],
+        begun: int,
         closed: bool,
         now: float | None,
     ) -> Answer:
@@ -557,29 +557,29 @@ class ReactivePlanner:
                 if joined:
                     more = decision.again(now)
                     if more % _SEGMENT <= _PLANNED:
-                        return self._say(q, more, times, closed)
+                        return self._say(more, begun, closed)
                 if first or not joined:
                     found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:
             trouble = start_trouble(self.robot, self.frame.q, code)
-            return self._hold(times, closed, trouble)
+            return self._hold(begun, closed, trouble)
         corners = path.q[: len(path)].copy()
         corners[0] = q
         following = path.followed and path.is_same
         path.followed = True
         status = FOLLOWING if following else REPLANNED
         stage = stage_of(code, corners)
-        return self._answer(status, corners, path.goal, times, closed, stage)
+        return self._answer(status, corners, path.goal, begun, closed, stage)
 
     def _hold(
-        self, times: tuple[int, int], closed: bool, trouble: str | None
+        self, begun: int, closed: bool, trouble: str | None
     ) -> Answer:
         self.path.followed = False
         told = self.connector.told
         how = told, self._frames_to_wait
         why = Reasons(self.frame, self.attacher, self._retreat, trouble, *how)
-        return self._answer(HOLDING, self._nowhere, None, times, closed, None, why)
+        return self._answer(HOLDING, self._nowhere, None, begun, closed, None, why)
 
     def _frames_to_wait(self) -> int:
         return self.decision.frames_to_wait(self.connector.frames_to_persist)
@@ -589,22 +589,20 @@ class ReactivePlanner:
         status: str,
         path: np.ndarray,
         goal: int | None,
-        times: tuple[int, int],
+        begun: int,
         closed: bool,
         stage: str | None,
         why: Reasons | None = None,
     ) -> Answer:
-        memory = self._memory
         held = None if self.frame.thing is None else self.held_by
         answer = self.last = Answer(
             status,
             path,
             goal,
             WHOLE if closed else VISIBLE,
-            (times[0], times[1], perf_counter_ns()),
-            (memory.cloud.counts.tobytes(), memory.counted.tobytes()),
+            (begun, perf_counter_ns()),
+            self._memory.counted.tobytes(),
             why,
-            self._step.item(),
             stage,
             held,
         )

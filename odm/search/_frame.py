@@ -41,6 +41,7 @@ from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
 from odm.search._state import show, view
 from roadmap._rows import copy_row
+from roadmap.clock import clock_ns
 from roadmap.jit_options import INNER, LEAN
 
 # What the close test finds where the cells block all motions. HOPELESS: the start is in
@@ -75,8 +76,13 @@ def take_points(state, points, n_given):
     sign_frame(cloud, view(state, "graph").region, search.signature)
     search.hits[0] = 0
     view(state, "numbers").frame[0] += 1
-    for count in view(state, "stats"):
+    stats = view(state, "stats")
+    for count in stats:
         count[0] = 0
+    stats.step[0] = view(state, "numbers").step[0]
+    stats.blocks[0], stats.bad[0] = cloud.counts[N_OCCUPIED], cloud.counts[N_BAD]
+    stats.inside[0], stats.outside[0] = cloud.counts[N_INSIDE], cloud.counts[N_OUTSIDE]
+    stats.marked[0] = clock_ns()
     return cloud.counts[N_BAD]
 
 

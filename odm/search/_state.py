@@ -182,7 +182,7 @@ class Looks(NamedTuple):
 
 
 class Stats(NamedTuple):
-    """What the searches of a frame did."""
+    """What a frame's answer tells: of its searches, and of its obstacles."""
 
     popped: np.ndarray = array("i8", "1", FRAME)  # vertices closed
     edge_tests: np.ndarray = array("i8", "1", FRAME)  # cell lists compared
@@ -190,6 +190,13 @@ class Stats(NamedTuple):
     close: np.ndarray = array("i8", "1", FRAME)  # close tests
     runs: np.ndarray = array("i8", "1", FRAME)
     counted: np.ndarray = array("i8", "1", FRAME)  # 1: the direct map decides
+    step: np.ndarray = array("i8", "1", FRAME)  # number of the frame
+    # when its obstacles were marked [ns], by the clock of `time.perf_counter_ns`
+    marked: np.ndarray = array("i8", "1", FRAME)
+    blocks: np.ndarray = array("i8", "1", FRAME)  # occupied ones
+    inside: np.ndarray = array("i8", "1", FRAME)  # points in the grid
+    outside: np.ndarray = array("i8", "1", FRAME)
+    bad: np.ndarray = array("i8", "1", FRAME)  # points that are not finite
 
 
 class EarlierPaths(NamedTuple):
@@ -237,6 +244,12 @@ class Path(NamedTuple):
     ref: np.ndarray = array("i8", "corners", GOAL)  # item from vertex k to k + 1
     q: np.ndarray = array("f8", "corners dof", GOAL)
     count: np.ndarray = array("i8", "2", GOAL)  # vertices, goal index
+
+
+class Ahead(NamedTuple):
+    """What is left of the path in use: from q itself to the goal."""
+
+    q: np.ndarray = array("f8", "corners dof", FRAME)
 
 
 class Certificates(NamedTuple):
@@ -386,6 +399,8 @@ class Numbers(NamedTuple):
 
     frame: np.ndarray = array("i8", "1", GOAL)  # sets of points taken
     step: np.ndarray = array("i8", "1", GOAL)  # steps of the planner
+    # what came of a frame's shapes, see `begin_shapes`
+    taken: np.ndarray = array("i8", "1", FRAME)
     run: np.ndarray = array("i8", "1", GOAL)  # searches begun
     joint_costs: np.ndarray = array("i8", "1", GOAL)  # 1: goals compete by their costs
     segment: np.ndarray = array("i8", "1", GOAL)  # of the path in use that q is on
@@ -458,6 +473,7 @@ class Groups:
     proof: Proof
     shortcuts: Shortcuts
     path: Path  # in use
+    ahead: Ahead  # its rest, as it was answered
     found_path: Path  # found last
     better: Path  # the candidate
     certificates: Certificates

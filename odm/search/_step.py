@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from odm.close_test._close import displacement
-from odm.search._frame import plan
+from odm.search._frame import begin_shapes, begin_step, plan
 from odm.search._judge import rest_free, stands_free
 from odm.search._paths import (
     certify_whole,
@@ -39,11 +39,13 @@ from odm.search._state import (
     TO_END,
     view,
 )
+from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
 REPLAN, OFF_PATH, BETTER = 6, 7, 8
+NOT_ASKED = -1  # the frame was taken, and not answered
 HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 DETOUR_WORTH_SEARCHING = 1.1  # times the straight distance
@@ -512,8 +514,16 @@ def adopt(state):
 
 @njit(**INNER)
 def packed(state, code):
-    """Return a code with the numbers of the path in use: one number says all."""
+    """Return a code with the numbers of the path in use: one number says all.
+
+    Where that is the answer, what is left of the path is written to the group `ahead`.
+    """
     numbers, path = view(state, "numbers"), view(state, "path")
+    if code == FOLLOWING or code == PLANNED:
+        ahead, segment = view(state, "ahead").q, numbers.segment[0]
+        copy_row(view(state, "robot_state").q, ahead[0])
+        for k in range(segment + 1, path.count[0]):
+            copy_row(path.q[k], ahead[k - segment])
     said = code + SEGMENT * numbers.segment[0] + COUNT * path.count[0]
     return said + GOAL * (path.count[1] + 1)
 
@@ -550,3 +560,28 @@ def respond(state, q, now):
                 code = BETTER
     numbers.wish[0] = 0
     return packed(state, code)
+
+
+@njit(**LEAN)
+def step_points(state, given, points, q):
+    """Take a frame's points and answer it, in one call; see `begin_step`, `respond`.
+
+    NOT_ASKED where some points are not finite or most lie outside the grid.
+    """
+    if begin_step(state, given, points):
+        return NOT_ASKED
+    return respond(state, q, math.nan)
+
+
+@njit(**LEAN)
+def step_shapes(state, given, data, counts, room, n_before, q):
+    """Take a frame's points and shapes and answer it, in one call.
+
+    NOT_ASKED where `begin_shapes` returned something else than `n_before`, the number
+    of points that the frame before had; it is in numbers.taken.
+    """
+    n = begin_shapes(state, given, data, counts, room)
+    if n != n_before:
+        view(state, "numbers").taken[0] = n
+        return NOT_ASKED
+    return respond(state, q, math.nan)

@@ -63,7 +63,7 @@ class Memory(Groups):
     Attributes:
         table: What the compiled frame takes.
         owner: The thread that may use it.
-        counted: (6,) the numbers of `stats`, as one array.
+        counted: (12,) the numbers of `stats`, as one array.
     """
 
     table: np.ndarray

@@ -10,7 +10,7 @@ import numpy as np
 from odm import ReactivePlanner
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
-from odm.search import _frame, _step
+from odm.search import _step
 from sim.bench.clock import Clock
 from sim.bench.core.touched import bytes_touched
 from sim.bench.frames import RATE_HZ, Pair
@@ -112,10 +112,10 @@ def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
 def python_around(
     planner: ReactivePlanner, ask: Callable, q: np.ndarray, times: int = 40
 ) -> list[float]:
-    """Time what of a frame is not inside its two compiled calls [us]; it is repeated.
+    """Time what of a frame is not inside its compiled call [us]; it is repeated.
 
-    The calls are wrapped by clocks meanwhile. What those take beside the calls is
-    measured around a function that does nothing, and left out.
+    The call is wrapped by clocks meanwhile. What those take beside it is measured
+    around a function that does nothing, and left out.
     """
     inside, around, alone = [0], [], []
 
@@ -134,15 +134,12 @@ def python_around(
         return 1e-3 * (time.perf_counter_ns() - begun - inside[0])
 
     idle = timed(lambda *_: None)
-    with (
-        patch.object(_frame, "begin_shapes", timed(_frame.begin_shapes)),
-        patch.object(_step, "respond", timed(_step.respond)),
-    ):
+    with patch.object(_step, "step_shapes", timed(_step.step_shapes)):
         for _ in range(times):
             around.append(left(ask, planner, q))
-            alone.append(left(idle, *range(5)))
+            alone.append(left(idle, *range(7)))
     # one of the two clocks that `left` reads is around what is measured, always
-    clocks = 2.0 * (np.median(alone) - np.median([left(int) for _ in range(times)]))
+    clocks = (np.median(alone) - np.median([left(int) for _ in range(times)]))
     return [max(0.0, t - clocks) for t in around]
 
 
