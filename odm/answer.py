@@ -131,6 +131,7 @@ class Answer:
         return Work(n_points, outside, blocks, tests, popped, flooded, close, runs)
 
     def _counts(self) -> list[int]:
+        """Return the numbers of `Stats` in order: step is 6, marked 7."""
         return np.frombuffer(self._counted, np.int64).tolist()
 
     @property

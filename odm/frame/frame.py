@@ -64,6 +64,7 @@ class Near(NamedTuple):
 
 
 MOST_SAMPLES = 2_000_000  # of all shapes of a frame
+_AS_THE_MAP = None, None  # how points are sampled where nothing is told
 
 
 class Frame:
@@ -127,7 +128,7 @@ class Frame:
         self.obstacles: Obstacles | None = None
         self.n_given = 0
         # the arrays that came last, as they were found good: they need no second look
-        self._taken, self._taken_shape = self._nothing.xyz, (-1,)
+        self._taken = self._nothing.xyz
         self._asked: np.ndarray | None = self.q
         # views of them: who closes an array to writing later does not close these
         self._points_view, self._q_view = self._nothing.xyz[:], self.q[:]
@@ -191,12 +192,12 @@ class Frame:
         # mostly both are what the compiled frame took before, which is seen at once
         if (
             points is not self._taken
-            or points.shape != self._taken_shape
+            or len(points) != len(self._points_view)
             or labels is not None
             or covering_radius is not None
         ):
             points = check_points(points, labels, covering_radius, self.rho)
-            self._taken, self._taken_shape = points, points.shape
+            self._taken = points
             self._points_view = points[:]
         points = self._points_view
         if q is not self._asked or len(q) != self._dof or dq is not None:
@@ -231,41 +232,19 @@ class Frame:
         """
         if stamp is not None or now is not None:
             q = None
-        if (covering_radius, rounding) != self.sampled:
-            self.set_sampling(covering_radius, rounding)
-        if self.obstacles is not None:
-            return self._take_shapes(points, stamp, now, q)
-        self.n_given = len(points)
-        if len(points) > len(self.memory.cloud.where):
-            self.grow_clouds(2 * len(points))
-        buffer = self.points
-        if self.watch.seen_inside is not None or len(points) != len(buffer):
-            buffer = self._buffer_for(len(points))
-        self.trouble, said = None, step.NOT_ASKED
-        if q is not None:
-            said = step.step_points(self.memory.table, points, buffer, q)
-            if said != step.NOT_ASKED:
-                return said
-        else:
-            kernels.begin_step(self.memory.table, points, buffer)
-        self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
-        return said
-
-    def _take_shapes(
-        self,
-        points: np.ndarray,
-        stamp: float | None,
-        now: float | None,
-        q: np.ndarray | None,
-    ) -> int:
-        """Take a frame's points and the shapes of `obstacles`; see `take`."""
+        plain = covering_radius is None and rounding is None
+        told = _AS_THE_MAP if plain else (covering_radius, rounding)
+        if told is not self.sampled and told != self.sampled:
+            self.set_sampling(*told)
         obstacles, memory = self.obstacles, self.memory
+        self.n_given = len(points)
+        if obstacles is None:
+            return self._take_points(points, stamp, now, q)
         if obstacles is not self._known:
             self._know(obstacles)
             memory = self.memory
         if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
-        self.n_given = len(points)
         room, now_seen, trouble = self._buffers[self._buffer], self.points, None
         table, data, counts = memory.table, obstacles.data, obstacles.counts
         if q is not None and now_seen.base is room:
@@ -283,6 +262,29 @@ class Frame:
             trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
         self.trouble = trouble
         return step.NOT_ASKED
+
+    def _take_points(
+        self,
+        points: np.ndarray,
+        stamp: float | None,
+        now: float | None,
+        q: np.ndarray | None,
+    ) -> int:
+        """Take a frame without shapes; see `take`."""
+        if len(points) > len(self.memory.cloud.where):
+            self.grow_clouds(2 * len(points))
+        buffer = self.points
+        if self.watch.seen_inside is not None or len(points) != len(buffer):
+            buffer = self._buffer_for(len(points))
+        self.trouble, said = None, step.NOT_ASKED
+        if q is not None:
+            said = step.step_points(self.memory.table, points, buffer, q)
+            if said != step.NOT_ASKED:
+                return said
+        else:
+            kernels.begin_step(self.memory.table, points, buffer)
+        self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
+        return said
 
     def _take_others(self, n: int, points: np.ndarray) -> str | None:
         """Go on where `begin_shapes` returned another number of points than before.
@@ -481,7 +483,8 @@ class Frame:
         """Let the close test's radii follow how the points were sampled."""
         if rounding is not None:
             rounding = check_number("rounding in m", rounding, 0.0, np.inf)
-        self.sampled = (covering_radius, rounding)
+        plain = covering_radius is None and rounding is None
+        self.sampled = _AS_THE_MAP if plain else (covering_radius, rounding)
         m = self.cell_map.safety.m + self.extra
         balls = self.memory.arm.spheres[:, 3] + m
         needed = [self.covering(ball) for ball in balls]

@@ -75,7 +75,7 @@ class Decision:
         """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = self.only_seen = self.joined = False
+        self.new_goals = self.only_seen = self.joined = self._joins_first = False
         self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self.always_replan = always_replan
@@ -120,12 +120,12 @@ class Decision:
 
         Not where q may have to be joined to the roadmap first.
         """
-        self.only_seen = self.joined = False
-        return not (self.new_goals or self._may_linger)
-
-    @property
-    def _may_linger(self) -> bool:
-        return self.attacher.without_cells and not self.path.followed
+        attacher, self.only_seen, self.joined = self.attacher, False, False
+        if attacher.is_stale:
+            attacher.forget_all()
+        lingers = attacher.without_cells and not self.path.followed
+        self._joins_first = first = self.new_goals or lingers
+        return not first
 
     def decide(self, q: np.ndarray, now: float | None, said: int) -> int:
         """Answer a frame that can be used: what `respond` returns.
@@ -134,7 +134,7 @@ class Decision:
         """
         now = _NO_TIME if now is None else now
         if said == step.NOT_ASKED:
-            if self.new_goals or self._may_linger:
+            if self._joins_first:
                 self._join_ahead(q)
             said = step.respond(self._memory.table, q, now)
         code = said % _SEGMENT

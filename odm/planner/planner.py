@@ -165,6 +165,7 @@ class ReactivePlanner:
         self.last: Answer | None = None
         # what `respond` said last, and the rows and the goal that this stands for
         self._said, self._ahead, self._goal = -1, path.q[:0], -1
+        self._code = codes.NOT_ASKED
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
         if s.extra_clearance:
@@ -460,8 +461,6 @@ class ReactivePlanner:
         if type(points) is PointCloud:
             covering_radius, points = points.covering_radius, points.points
         points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
-        if self.attacher.is_stale:
-            self.attacher.forget_all()
         at_once = q if self.decision.begin() else None
         said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
         if not closed:
@@ -479,14 +478,14 @@ class ReactivePlanner:
         """Answer with the rest of the path in use, which was found free."""
         if said != self._said:  # mostly it is what the frame before said
             self._unpack(said)
-        code, corners = said % _SEGMENT, self._ahead.copy()
-        goal, path = self._goal, self.path
-        if code == _FOLLOWING:
-            path.followed = True
-            return self._answer(FOLLOWING, corners, goal, begun, closed, IN_USE)
-        status = FOLLOWING if path.followed and path.is_same else REPLANNED
-        path.followed, stage = True, stage_of(code, corners)
-        return self._answer(status, corners, goal, begun, closed, stage)
+        corners, path = self._ahead.copy(), self.path
+        if self._code == _FOLLOWING:
+            status, stage = FOLLOWING, IN_USE
+        else:
+            status = FOLLOWING if path.followed and path.is_same else REPLANNED
+            stage = stage_of(self._code, corners)
+        path.followed = True
+        return self._answer(status, corners, self._goal, begun, closed, stage)
 
     def see(
         self,
@@ -525,9 +524,10 @@ class ReactivePlanner:
         return frame.trouble
 
     def _unpack(self, said: int) -> None:
-        """Take apart what `respond` said: the corners ahead, and the goal."""
+        """Take apart what `respond` said: a code, the corners ahead, and the goal."""
         begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
         self._said, self._ahead = said, self._memory.ahead.q[: end - begin]
+        self._code = said % _SEGMENT
         self._goal = said // _GOAL - 1
 
     def _beyond(
@@ -572,9 +572,7 @@ class ReactivePlanner:
         stage = stage_of(code, corners)
         return self._answer(status, corners, path.goal, begun, closed, stage)
 
-    def _hold(
-        self, begun: int, closed: bool, trouble: str | None
-    ) -> Answer:
+    def _hold(self, begun: int, closed: bool, trouble: str | None) -> Answer:
         self.path.followed = False
         told = self.connector.told
         how = told, self._frames_to_wait

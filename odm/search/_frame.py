@@ -39,9 +39,8 @@ from odm.search._judge import (
 )
 from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
-from odm.search._state import show, view
+from odm.search._state import clock_ns, show, view
 from roadmap._rows import copy_row
-from roadmap.clock import clock_ns
 from roadmap.jit_options import INNER, LEAN
 
 # What the close test finds where the cells block all motions. HOPELESS: the start is in

@@ -10,9 +10,11 @@ The type of the table tells the type of the block ids: int64 for uint16, uint64 
 uint32 (grids of more than 65535 blocks).
 """
 
+import time
 from typing import NamedTuple
 
 import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -31,6 +33,8 @@ TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free
 # what a candidate is: the path in use, changed in part; another path; one free only now
 EDITED, BETTER_PATH, PRESENT_ONLY_PATH = 1, 2, 3
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment
+# macOS counts what `perf_counter` does by a clock of its own
+_CLOCK = getattr(time, "CLOCK_UPTIME_RAW", time.CLOCK_MONOTONIC)
 LOST = -100  # number of a frame that is long over
 
 
@@ -510,6 +514,24 @@ def table_of(groups: dict[str, tuple], block: np.dtype) -> np.ndarray:
         row[0] = value.__array_interface__["data"][0]  # fast
         row[1 : 1 + value.ndim] = value.shape
     return table.view(np.uint64) if block == np.uint32 else table
+
+
+@intrinsic
+def clock_ns(typingctx):  # noqa: ANN001, ANN201
+    """Return the time of `time.perf_counter_ns` [ns], by C's `clock_gettime`."""
+
+    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+        number, whole = ir.IntType(32), ir.IntType(64)
+        spec = cgutils.alloca_once(builder, ir.ArrayType(whole, 2))
+        kind = ir.FunctionType(number, [number, spec.type])
+        read = cgutils.get_or_insert_function(builder.module, kind, "clock_gettime")
+        builder.call(read, [number(_CLOCK), spec])
+        seconds, rest = (
+            builder.load(cgutils.gep_inbounds(builder, spec, 0, k)) for k in (0, 1)
+        )
+        return builder.add(builder.mul(seconds, whole(10**9)), rest)
+
+    return types.int64(), codegen
 
 
 @intrinsic

@@ -516,10 +516,11 @@ def adopt(state):
 def packed(state, code):
     """Return a code with the numbers of the path in use: one number says all.
 
-    Where that is the answer, what is left of the path is written to the group `ahead`.
+    What is left of the path is written to the group `ahead`, where that is the answer;
+    with BETTER it may become so.
     """
     numbers, path = view(state, "numbers"), view(state, "path")
-    if code == FOLLOWING or code == PLANNED:
+    if code == FOLLOWING or code == PLANNED or code == BETTER:
         ahead, segment = view(state, "ahead").q, numbers.segment[0]
         copy_row(view(state, "robot_state").q, ahead[0])
         for k in range(segment + 1, path.count[0]):

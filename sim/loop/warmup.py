@@ -228,7 +228,7 @@ def exercise(cell_map: CellMap) -> None:
             planner.invalid_nodes()
             planner.invalid_edges()
         shapes = _shapes(points)
-        for given in (shapes, Obstacles.of([]), shapes):
+        for given in (shapes, Obstacles.of([]), shapes, shapes):
             answer = planner.step(given, q=start)
             _ = answer.reason, answer.retreat
             planner.separation(start)

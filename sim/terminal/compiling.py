@@ -13,8 +13,6 @@ import time
 from functools import cache
 from pathlib import Path
 
-from roadmap.kernel_cache import kept_in
-
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = Path(__file__).with_name("compile_costs.json")
 TRUSTED_S = 5.0  # of the table's seconds: after so many the pace seen here counts
@@ -92,6 +90,8 @@ def compiled(root: Path, names: dict[str, float]) -> set[str]:
 
     With NUMBA_CACHE_DIR that is there alone.
     """
+    from roadmap.kernel_cache import kept_in  # not where nothing is compiled
+
     first = 1 if os.environ.get("NUMBA_CACHE_DIR") else 0
     by_folder: dict[Path, set[str]] = {}
     found = set()

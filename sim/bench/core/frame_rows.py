@@ -139,7 +139,7 @@ def python_around(
             around.append(left(ask, planner, q))
             alone.append(left(idle, *range(7)))
     # one of the two clocks that `left` reads is around what is measured, always
-    clocks = (np.median(alone) - np.median([left(int) for _ in range(times)]))
+    clocks = np.median(alone) - np.median([left(int) for _ in range(times)])
     return [max(0.0, t - clocks) for t in around]
 
 

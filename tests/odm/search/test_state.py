@@ -7,7 +7,7 @@ from numba.core.errors import TypingError
 from small import HOME
 
 from odm._groups import FRAME, GOAL, LIFE, declared
-from odm.search._state import KINDS, show, table_of, view
+from odm.search._state import KINDS, Stats, show, table_of, view
 from odm.search.state import Memory, exchange, lay_out
 from roadmap.errors import BadInput
 
@@ -137,3 +137,9 @@ def test_only_an_array_as_it_is_declared_is_shown(memory):
     for wrong in (np.zeros((4, 3), np.float32), np.zeros(12), np.zeros((3, 4)).T):
         with pytest.raises(TypingError):
             shows(memory.table, wrong)
+
+
+def test_an_answer_reads_the_counts_in_their_order():
+    assert Stats._fields[:5] == ("popped", "edge_tests", "flooded", "close", "runs")
+    rest = ("step", "marked", "blocks", "inside", "outside", "bad")
+    assert Stats._fields[6:] == rest
