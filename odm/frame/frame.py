@@ -117,7 +117,7 @@ class Frame:
         self.q = self.memory.robot_state.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self.keep_from_points = self.keep_from_shapes = 0.0
-        self.set_sampling(None, None)
+        self.set_sampling(_AS_THE_MAP)
         self.base_world = np.eye(4)
         grid = cell_map.grid
         half = 0.5 * (grid.upper - grid.origin)
@@ -235,7 +235,7 @@ class Frame:
         plain = covering_radius is None and rounding is None
         told = _AS_THE_MAP if plain else (covering_radius, rounding)
         if told is not self.sampled and told != self.sampled:
-            self.set_sampling(*told)
+            self.set_sampling(told)
         obstacles, memory = self.obstacles, self.memory
         self.n_given = len(points)
         if obstacles is None:
@@ -438,7 +438,7 @@ class Frame:
         self.classes = classes.copy() if len(classes) == n_given else None
         self.trouble = str(saved["trouble"]) or None
         told = [None if np.isnan(value) else value for value in saved["sampled"]]
-        self.set_sampling(*told)
+        self.set_sampling(tuple(told))
         self.memory.numbers.frame[0] -= 1  # which marking adds
         self._load_solids(saved)
         self.replace(saved["points"], n_given)
@@ -477,14 +477,11 @@ class Frame:
         """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
         return self.memory.robot_state.radii
 
-    def set_sampling(
-        self, covering_radius: float | None, rounding: float | None
-    ) -> None:
-        """Let the close test's radii follow how the points were sampled."""
-        if rounding is not None:
-            rounding = check_number("rounding in m", rounding, 0.0, np.inf)
-        plain = covering_radius is None and rounding is None
-        self.sampled = _AS_THE_MAP if plain else (covering_radius, rounding)
+    def set_sampling(self, sampled: tuple[float | None, float | None]) -> None:
+        """Let the close test's radii follow how the points were `sampled`."""
+        if sampled[1] is not None:
+            check_number("rounding in m", sampled[1], 0.0, np.inf)
+        self.sampled = sampled
         m = self.cell_map.safety.m + self.extra
         balls = self.memory.arm.spheres[:, 3] + m
         needed = [self.covering(ball) for ball in balls]
@@ -536,12 +533,12 @@ class Frame:
         self.extra = float(extra)
         self.memory.terms.extra[0] = self.extra
         self.memory.patterns.near[3] = self._half + self.extra
-        self.set_sampling(*self.sampled)
+        self.set_sampling(self.sampled)
 
     def hand_changed(self) -> None:
         """Take up the table's new groups: another arm, other cells."""
         self._forget_slacks()
-        self.set_sampling(*self.sampled)
+        self.set_sampling(self.sampled)
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
 

@@ -283,7 +283,7 @@ def fill_section(path: Path, name: str, text: str | None) -> None:
     begin, end = (f"<!-- odm bench {name}: {side} -->" for side in ("begin", "end"))
     from roadmap.errors import BadInput
 
-    whole = path.read_text(encoding="utf-8")
+    whole = path.read_text(encoding="utf-8") if path.is_file() else ""
     before, _, rest = whole.partition(begin)
     _, found, after = rest.partition(end)
     if not found:

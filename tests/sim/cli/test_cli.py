@@ -216,6 +216,8 @@ def test_a_table_goes_between_its_markers_only(tmp_path):
     assert text.startswith("before\n") and text.endswith("\nafter\n")
     with pytest.raises(Exception, match="no section"):
         fill_section(page, "build", "| new |")
+    with pytest.raises(Exception, match=r"gone\.md has no section .* add both lines"):
+        fill_section(tmp_path / "gone.md", "latency", None)
 
 
 @pytest.mark.parametrize(
