@@ -38,6 +38,8 @@ class Work(NamedTuple):
     stack: np.ndarray = array("i8", "64 2", FRAME)  # level, index
     masks: np.ndarray = array("b1", "64 bodies", FRAME)  # bodies still open
     state: np.ndarray = array("i8", "bodies", FRAME)  # what solids leave of a body
+    # what each sphere's centre, or its line, has between it and one shape
+    gap: np.ndarray = array("f8", "spheres", FRAME)
     # centres at the start of an escape
     anchor: np.ndarray = array("f8", "spheres 3", FRAME)
     # sphere, point, tests, evaluations

@@ -10,6 +10,7 @@ the covering radius of their samples, too.
 
 import math
 
+import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import N_LISTED
@@ -20,12 +21,13 @@ from odm.obstacles._solids import (
     rod_of,
     solid_distance,
 )
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import BARE_INNER, INNER, LEAN, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
 ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
+MANY = 24  # boxes or points that are measured several at once, before one by one
 BALL_ROUNDING = 1e-9  # [m] by which a body's ball is larger than computed
 FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
 
@@ -37,6 +39,54 @@ def box_distance2(x, y, z, box):
     dy = max(0.0, max(box[1] - y, y - box[4]))
     dz = max(0.0, max(box[2] - z, z - box[5]))
     return dx * dx + dy * dy + dz * dz
+
+
+@njit(**WITHIN_INNER)
+def list_near(cloud, x, y, z, reach):
+    """List the blocks whose points may come within `reach` of a place [m].
+
+    They are in cloud.near, in order, and cloud.away has the squared distance of every
+    block's box. Of many boxes these are worked out first, for several at once.
+
+    Returns:
+        How many there are.
+    """
+    away, near, reach2 = cloud.away, cloud.near, reach * reach
+    n, place, found = cloud.counts[N_LISTED], (x, y, z), np.uint64(0)
+    if n >= MANY:
+        measure_boxes(cloud.box, n, place, away)
+    for k in range(np.uint64(n)):
+        if n < MANY:
+            away[k] = box_distance2(x, y, z, cloud.box[k])
+        near[found] = k
+        found += np.uint64(not away[k] >= reach2)  # what is not a number is near
+    return np.int64(found)
+
+
+@njit(**BARE_INNER)
+def measure_boxes(boxes, n, place, away):
+    """Write to `away` the squared distances of the first n boxes (m, 6); no branch."""
+    box, (x, y, z) = boxes.reshape(-1), place
+    for k in range(np.uint64(n)):
+        at = np.uint64(6) * k
+        dx = max(0.0, max(box[at] - x, x - box[at + np.uint64(3)]))
+        dy = max(0.0, max(box[at + np.uint64(1)] - y, y - box[at + np.uint64(4)]))
+        dz = max(0.0, max(box[at + np.uint64(2)] - z, z - box[at + np.uint64(5)]))
+        away[k] = dx * dx + dy * dy + dz * dz
+
+
+@njit(**BARE_INNER)
+def any_within(xyz, begin, end, place, far2):
+    """Return True if any of the points [begin:end] is nearer to a place; no branch."""
+    flat, (x, y, z) = xyz.reshape(-1), place
+    found = 0
+    for p in range(np.uint64(begin), np.uint64(end)):
+        k = np.uint64(3) * p
+        dx = flat[k] - x
+        dy = flat[k + np.uint64(1)] - y
+        dz = flat[k + np.uint64(2)] - z
+        found += not dx * dx + dy * dy + dz * dz >= far2
+    return found > 0
 
 
 @njit(**INNER)
@@ -135,9 +185,11 @@ def body_at(clearance, b, frame, half, cloud, escape):
     wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
     wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
     result = 0
-    for k in range(cloud.counts[N_LISTED]):
-        if box_distance2(wx, wy, wz, cloud.box[k]) >= reach * reach:
+    for at in range(list_near(cloud, wx, wy, wz, reach)):
+        k = cloud.near[at]
+        if cloud.away[k] >= reach * reach:
             continue
+        begin, end = cloud.start[k], cloud.start[k + 1]
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
             cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
@@ -148,7 +200,11 @@ def body_at(clearance, b, frame, half, cloud, escape):
             far = radii[i] + travel
             if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
                 continue
-            for p in range(cloud.start[k], cloud.start[k + 1]):
+            if end - begin >= MANY:
+                place = cx, cy, cz
+                if not any_within(cloud.xyz, begin, end, place, far * far):
+                    continue
+            for p in range(begin, end):
                 px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
                 dx, dy, dz = px - cx, py - cy, pz - cz
                 d2 = dx * dx + dy * dy + dz * dz
@@ -170,6 +226,14 @@ def body_at(clearance, b, frame, half, cloud, escape):
 def body_chord(clearance, b, f, g, dt, cloud, escape):
     """Test body b along the chords between frames f and g; False: blocked."""
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
+    # in the middle of the chords: no place on them is farther from it than their ends
+    h, ball = work.frames[0, b], arm.bound[b]
+    wx = h[0] * ball[0] + h[1] * ball[1] + h[2] * ball[2] + h[9]
+    wy = h[3] * ball[0] + h[4] * ball[1] + h[5] * ball[2] + h[10]
+    wz = h[6] * ball[0] + h[7] * ball[1] + h[8] * ball[2] + h[11]
+    reach = ball[3] + work.body_radius[b] + work.body_speed[b] * 0.5 * dt
+    reach += work.body_bend[b] * dt * dt / 8.0
+    n_near = list_near(cloud, wx, wy, wz, reach)
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
         ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
@@ -182,7 +246,8 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
         mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         half = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) * 0.5
         far = radii[i] + sag + half
-        for k in range(cloud.counts[N_LISTED]):
+        for at in range(n_near):
+            k = cloud.near[at]
             if box_distance2(mx, my, mz, cloud.box[k]) >= far * far:
                 continue
             for p in range(cloud.start[k], cloud.start[k + 1]):

@@ -20,6 +20,9 @@ class Cloud(NamedTuple):
     # first point of an occupied block
     start: np.ndarray = array("i4", "blocks+1", FRAME)
     box: np.ndarray = array("f8", "blocks 6", FRAME)  # bounds of its points
+    # scratch: squared distance of each block's box, and those that are near
+    away: np.ndarray = array("f8", "blocks", FRAME)
+    near: np.ndarray = array("i4", "blocks", FRAME)
     xyz: np.ndarray = array("f8", "points 3", FRAME)  # points by block
     order: np.ndarray = array("i4", "points", FRAME)  # index each had in the input
     # block << 6 | bit of each input point, -1 outside

@@ -3,7 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
 from odm.obstacles._cloud import (
     IS_SORTED,
@@ -77,6 +79,30 @@ def unpacked(cell):
     return inside, (code >> np.uint64(6)) * inside, code & np.uint64(63)
 
 
+@intrinsic
+def cell_of(typingctx, x, y, z, shape_y, shape_z):  # noqa: ANN001, ANN201
+    """Return block << 6 | bit of a cell by its place in the grid.
+
+    In numbers of 32 bits, of which the processor handles eight at once: to numba the
+    product of two of them has 64.
+    """
+
+    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+        x, y, z, shape_y, shape_z = args
+        two, four, six, low = (ir.IntType(32)(v) for v in (2, 4, 6, 3))
+        bx, by, bz = (builder.lshr(v, two) for v in (x, y, z))
+        row = builder.add(builder.mul(bx, shape_y), by)
+        block = builder.add(builder.mul(row, shape_z), bz)
+        rx, ry, rz = (builder.and_(v, low) for v in (x, y, z))
+        column = builder.or_(builder.shl(rx, four), builder.shl(ry, two))
+        bit = builder.or_(column, rz)
+        return builder.or_(builder.shl(block, six), bit)
+
+    if not all(v == types.int32 for v in (x, y, z, shape_y, shape_z)):
+        return None
+    return types.int32(x, y, z, shape_y, shape_z), codegen
+
+
 @njit(**INNER)
 def find_cells(flat, where, origin, h, shape):
     """Write to `where` (n,) the cells of points, -1 for those outside the grid.
@@ -106,11 +132,8 @@ def find_cells(flat, where, origin, h, shape):
         z = (flat[k + np.uint64(2)] - oz) * inv
         inside = (x >= 0.0) & (y >= 0.0) & (z >= 0.0)
         inside = inside & (x < top_x) & (y < top_y) & (z < top_z)
-        ix, iy, iz = np.int32(x), np.int32(y), np.int32(z)
-        row = np.int32((ix >> 2) * nby + (iy >> 2))
-        b = np.int32(row * nbz + (iz >> 2))
-        bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
-        where[i] = np.int32((b << 6) | bit) if inside else np.int32(-1)
+        cell = cell_of(np.int32(x), np.int32(y), np.int32(z), nby, nbz)
+        where[i] = cell if inside else np.int32(-1)
         outside += not inside
         # infinity times zero, and what is not a number, are not zero
         bad += not x * 0.0 + y * 0.0 + z * 0.0 == 0.0
@@ -227,9 +250,8 @@ def sort_points(points, cloud):
         start[k] = start[k - 1]
     start[0] = 0
     for k in range(n_occupied):
-        begin_box(cloud.box[k])
-        for at in range(start[k], start[k + 1]):
-            put_point(points[order[at]], cloud.xyz[at], cloud.box[k])
+        begin, end = np.int64(start[k]), np.int64(start[k + 1])
+        put_points(points, order, begin, end, cloud.xyz, cloud.box[k])
     cloud.counts[IS_SORTED] = 1
 
 
@@ -257,22 +279,24 @@ def pick_points(pick, cloud, points):
 @njit(**INNER)
 def pick_sorted(pick, cloud):
     """Collect the points of the picked cells from a sorted cloud, block by block."""
-    n_listed, where = cloud.counts[N_LISTED], cloud.where
-    found = 0
+    n_listed, where, order = cloud.counts[N_LISTED], cloud.where, cloud.order
+    hits, one = pick.where, np.uint64(1)
+    begin = np.uint64(0)
     for k in range(pick.counts[N_OCCUPIED]):
-        b = pick.occupied[k]
-        pick.start[k], word, s = found, pick.words[b], cloud.slot[b]
-        begin_box(pick.box[k])
-        if s >= n_listed:  # samples of shapes alone
-            continue
-        for p in range(cloud.start[s], cloud.start[s + 1]):
-            i = cloud.order[p]
-            if (word >> np.uint64(where[i] & 63)) & np.uint64(1) != 0:
+        b, found = pick.occupied[k], begin
+        pick.start[k], word, s = begin, pick.words[b], cloud.slot[b]
+        if s < n_listed:  # else it has samples of shapes alone
+            # each point is written down, and the next one over it unless it is picked
+            for p in range(np.uint64(cloud.start[s]), np.uint64(cloud.start[s + 1])):
+                i = order[p]
+                hits[found] = p
                 pick.order[found] = i
-                put_point(cloud.xyz[p], pick.xyz[found], pick.box[k])
-                found += 1
-    pick.start[pick.counts[N_OCCUPIED]] = found
-    return found
+                found += (word >> np.uint64(where[i] & 63)) & one
+        first, last = np.int64(begin), np.int64(found)
+        put_points(cloud.xyz, hits, first, last, pick.xyz, pick.box[k])
+        begin = found
+    pick.start[pick.counts[N_OCCUPIED]] = begin
+    return np.int64(begin)
 
 
 @njit(**INNER)
@@ -312,6 +336,25 @@ def place_of(cell, slot, outside):
     """Return the slot of a cell's block; `outside` of a cell outside the grid."""
     inside, b, _ = unpacked(cell)
     return np.uint64(slot[b]) * inside + np.uint64(outside) * (np.uint64(1) - inside)
+
+
+@njit(**INNER)
+def put_points(points, order, begin, end, xyz, box):
+    """Copy points order[begin:end] to xyz[begin:end], and let a box (6,) hold them.
+
+    The box is kept in registers: a number that is written to memory and read for the
+    next point takes longer than all else here.
+    """
+    given, put = points.reshape(-1), xyz.reshape(-1)
+    x0 = y0 = z0 = math.inf
+    x1 = y1 = z1 = -math.inf
+    for at in range(np.uint64(begin), np.uint64(end)):
+        i, k = np.uint64(3) * np.uint64(order[at]), np.uint64(3) * at
+        x, y, z = given[i], given[i + np.uint64(1)], given[i + np.uint64(2)]
+        put[k], put[k + np.uint64(1)], put[k + np.uint64(2)] = x, y, z
+        x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
+        x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
+    box[0], box[1], box[2], box[3], box[4], box[5] = x0, y0, z0, x1, y1, z1
 
 
 @njit(**INNER)

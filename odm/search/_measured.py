@@ -225,9 +225,9 @@ def measure(state, k, c):
                 keep_spare(state, k, i, spare)
             return size
     row, _ = placed(state, k, c), placed(state, k, c + 1)
-    frames, bare = slacks.frames[row : row + 2], view(state, "robot_state").bare
-    first = slacks.nearest[k, c]
-    spare, least = chord_spare(arm, bare, frames, bound, 1.0 / n, solids, first)
+    frames, first = slacks.frames[row : row + 2], slacks.nearest[k, c]
+    lengths = view(state, "robot_state").bare, view(state, "work").gap
+    spare, least = chord_spare(arm, lengths, frames, bound, 1.0 / n, solids, first)
     slacks.nearest[k, c] = least
     keep_spare(state, k, c, spare)
     return 1 if spare >= RESERVE + SAME else 0

@@ -1,6 +1,8 @@
 """The close test: free means free everywhere on the motion, and cells agree."""
 
 import numpy as np
+import pytest
+from doors import with_door
 from naive_cells import edge_cells, occupied_cells, smallest_gap
 from small import draw_arm, draw_valid
 
@@ -9,7 +11,11 @@ from odm.close_test import _close as close
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import CloseTest
 from odm.obstacles import _occupancy as occupancy
+from odm.obstacles._cloud import N_LISTED
 from roadmap.kinematics.forward import difference
+
+any_within = with_door(close.any_within)
+list_near = with_door(close.list_near)
 
 
 def cloud_of(cell_map, points):
@@ -47,6 +53,50 @@ def test_what_is_called_free_is_free_at_dense_samples(small_map, planner, rng):
 
 def occupied_mask(cell_map, points):
     return (cell_map.grid.locate(points) >= 0).all(axis=1)
+
+
+def test_a_dense_cloud_is_free_where_each_of_its_parts_is(small_map, planner, rng):
+    """Many points of many blocks are measured at once, few of few one by one."""
+    free = blocked = most = 0
+    for _ in range(60):
+        q = draw_valid(planner, rng)
+        dq = 0.2 * difference(small_map.robot, q, draw_valid(planner, rng))
+        arms = np.concatenate([draw_arm(rng) for _ in range(rng.integers(1, 6))])
+        points = rng.permutation(odm.sample_capsules(arms, 0.01))
+        points = points[occupied_mask(small_map, points)]
+        parts = [points[k::60].copy() for k in range(60)]
+        said = is_clear(small_map, points, q, dq)
+        assert said == all(is_clear(small_map, part, q, dq) for part in parts)
+        free, blocked = free + said, blocked + (not said)
+        most = max(most, cloud_of(small_map, points).counts[N_LISTED])
+    assert free > 10 < blocked and most > close.MANY and len(points) > most * close.MANY
+
+
+@pytest.mark.parametrize("n", [3, close.MANY - 1, close.MANY, 150])
+def test_near_blocks_are_listed_as_one_by_one(small_map, n, rng):
+    grid = small_map.grid
+    points = rng.uniform(grid.origin, grid.upper, (4000, 3))
+    cloud = cloud_of(small_map, points)
+    assert cloud.counts[N_LISTED] > 150
+    cloud.counts[N_LISTED] = n
+    for _ in range(200):
+        place, reach = rng.uniform(grid.origin, grid.upper), rng.uniform(0.0, 0.5)
+        over = np.maximum(cloud.box[:n, :3] - place, place - cloud.box[:n, 3:])
+        away = (np.maximum(over, 0.0) ** 2).sum(axis=1)
+        found = list_near(cloud, *place, reach)
+        assert cloud.away[:n] == pytest.approx(away, rel=1e-12)
+        assert cloud.near[:found].tolist() == np.flatnonzero(away < reach**2).tolist()
+    assert list_near(cloud, np.nan, np.nan, np.nan, 0.1) == n
+
+
+def test_what_is_not_a_number_is_within_any_distance(rng):
+    xyz = rng.uniform(-1.0, 1.0, (50, 3))
+    for begin, end in ((0, 50), (7, 7), (3, 20)):
+        d2 = (xyz[begin:end] ** 2).sum(axis=1)
+        for far2 in (0.0, d2.min(initial=1.0) * 1.001, 0.5):
+            said = any_within(xyz, begin, end, (0.0, 0.0, 0.0), far2)
+            assert said == (d2 < far2).any()
+    assert any_within(xyz, 0, 50, (np.nan, 0.0, 0.0), 1e-6)
 
 
 def test_what_is_called_blocked_comes_within_the_tolerance(small_map, planner, rng):

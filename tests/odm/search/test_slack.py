@@ -16,7 +16,7 @@ from shapes_drawn import (
 from small import AWAY, HOME, draw_valid
 
 import odm
-from odm.close_test._slack import displaced
+from odm.close_test._slack import displaced, in_fours, line_distance, lines_from_rod
 from odm.search import _judge as judge
 from odm.search._measured import RESERVE, SAG
 from odm.search._state import NO_ITEM
@@ -26,6 +26,9 @@ part_free = with_door(judge.part_free)
 stands_free = with_door(judge.stands_free)
 
 displaced = with_door(displaced)
+in_fours = with_door(in_fours)
+line_distance = with_door(line_distance)
+lines_from_rod = with_door(lines_from_rod)
 
 MOVING = ("sphere", "capsule", "cylinder", "box")
 STEPS = (-1e-3, 0.0, 1e-3)  # shares of a motion beside a place on it
@@ -68,6 +71,49 @@ def test_others_shapes_are_displaced_without_bound(rng):
         assert np.isinf(displaced(one.rows, one.kind, 1, solids_of(others)))
     same = solids_of([mesh])
     assert np.isinf(displaced(same.rows, same.kind, 1, same))
+
+
+@pytest.mark.parametrize("number", [0.0, np.nan])
+def test_lines_beside_a_capsule_are_measured_as_one_by_one(number, rng):
+    """To the last bit, in fours and what is left over; points, spheres, parallels."""
+    for k in range(600):
+        n = rng.integers(1, 14)
+        spheres, gap = rng.normal(size=(n, 4)), np.full(n, 7.0)
+        f = rng.normal(size=12)
+        g = f + rng.normal(size=12) * 10.0 ** rng.integers(-9, 1) * (k % 5 > 0)
+        solids = solids_of([odm.Capsule(0.05, 0.2, draw_pose(rng))])
+        rod = solids.rows[0]
+        rod[3:6] = 10.0 ** rng.integers(-9, 1) * rng.normal(size=3) * (k % 7 > 0)
+        if k % 11 == 0:  # all lines are parallel to it
+            g[:9], g[9:], rod[3:6] = f[:9], f[9:] + [0.0, 0.3, 0.0], [0.0, 0.2, 0.0]
+        rod[7] = rod[3] * rod[3] + rod[4] * rod[4] + rod[5] * rod[5]
+        if np.isnan(number):
+            rod[rng.integers(0, 6)] = number
+        lines_from_rod(spheres, (0, n), f, g, rod, gap)
+        for i, p in enumerate(spheres[:, :3]):
+            ends = [_place(frame, p) for frame in (f, g)]
+            alone = line_distance(solids, 0, *ends, 0.0)
+            np.testing.assert_array_equal(gap[i], alone)
+            assert np.isnan(alone) == np.isnan(number)
+
+
+def _place(f, p):
+    """Return where a body with frame f has p, summed in the order of the loops."""
+    return tuple(
+        f[r] * p[0] + f[r + 1] * p[1] + f[r + 2] * p[2] + f[9 + r // 3]
+        for r in (0, 3, 6)
+    )
+
+
+def test_spheres_are_taken_in_fours_where_there_are_so_many(small_map):
+    arm = small_map.arm
+    n = len(arm.spheres)
+    for b in range(len(arm.body_ptr) - 1):
+        begin, end = in_fours(arm, b)
+        assert 0 <= begin <= arm.body_ptr[b] and arm.body_ptr[b + 1] <= end <= n
+        assert (end - begin) % 4 == 0 or n < 4 or begin == 0
+        if n >= 24:
+            assert (end - begin) % 4 == 0
 
 
 def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
