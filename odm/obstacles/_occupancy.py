@@ -3,9 +3,7 @@
 import math
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 
 from odm.obstacles._cloud import (
     IS_SORTED,
@@ -15,6 +13,7 @@ from odm.obstacles._cloud import (
     N_LISTED,
     N_OCCUPIED,
     N_OUTSIDE,
+    cell_of,
 )
 from roadmap.jit_options import INNER, LEAN
 
@@ -77,30 +76,6 @@ def unpacked(cell):
     code = np.uint64(np.uint32(cell))
     inside = np.uint64(1) - (code >> np.uint64(31))
     return inside, (code >> np.uint64(6)) * inside, code & np.uint64(63)
-
-
-@intrinsic
-def cell_of(typingctx, x, y, z, shape_y, shape_z):  # noqa: ANN001, ANN201
-    """Return block << 6 | bit of a cell by its place in the grid.
-
-    In numbers of 32 bits, of which the processor handles eight at once: to numba the
-    product of two of them has 64.
-    """
-
-    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
-        x, y, z, shape_y, shape_z = args
-        two, four, six, low = (ir.IntType(32)(v) for v in (2, 4, 6, 3))
-        bx, by, bz = (builder.lshr(v, two) for v in (x, y, z))
-        row = builder.add(builder.mul(bx, shape_y), by)
-        block = builder.add(builder.mul(row, shape_z), bz)
-        rx, ry, rz = (builder.and_(v, low) for v in (x, y, z))
-        column = builder.or_(builder.shl(rx, four), builder.shl(ry, two))
-        bit = builder.or_(column, rz)
-        return builder.or_(builder.shl(block, six), bit)
-
-    if not all(v == types.int32 for v in (x, y, z, shape_y, shape_z)):
-        return None
-    return types.int32(x, y, z, shape_y, shape_z), codegen
 
 
 @njit(**INNER)
