@@ -33,6 +33,15 @@ FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for sol
 
 
 @njit(**INNER)
+def place_of(f, p):
+    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
+
+
+@njit(**INNER)
 def box_distance2(x, y, z, box):
     """Return the squared distance of a point from an axis-aligned box (6,)."""
     dx = max(0.0, max(box[0] - x, x - box[3]))
@@ -179,11 +188,8 @@ def body_at(clearance, b, frame, half, cloud, escape):
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
-    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
     f = frame
-    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
-    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
-    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
+    wx, wy, wz = place_of(f, arm.bound[b])
     result = 0
     for at in range(list_near(cloud, wx, wy, wz, reach)):
         k = cloud.near[at]
@@ -192,9 +198,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
         begin, end = cloud.start[k], cloud.start[k + 1]
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
-            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            cx, cy, cz = place_of(f, s)
             # once the interval is undecided, only a blocking point changes that
             travel = work.speed[i] * half if result == 0 else 0.0
             far = radii[i] + travel
@@ -228,20 +232,14 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
     # in the middle of the chords: no place on them is farther from it than their ends
     h, ball = work.frames[0, b], arm.bound[b]
-    wx = h[0] * ball[0] + h[1] * ball[1] + h[2] * ball[2] + h[9]
-    wy = h[3] * ball[0] + h[4] * ball[1] + h[5] * ball[2] + h[10]
-    wz = h[6] * ball[0] + h[7] * ball[1] + h[8] * ball[2] + h[11]
+    wx, wy, wz = place_of(h, ball)
     reach = ball[3] + work.body_radius[b] + work.body_speed[b] * 0.5 * dt
     reach += work.body_bend[b] * dt * dt / 8.0
     n_near = list_near(cloud, wx, wy, wz, reach)
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
-        ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-        ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-        az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-        bx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
-        by = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
-        bz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
+        ax, ay, az = place_of(f, s)
+        bx, by, bz = place_of(g, s)
         sag = work.bend[i] * dt * dt / 8.0
         mx, my, mz = 0.5 * (ax + bx), 0.5 * (ay + by), 0.5 * (az + bz)
         half = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2) * 0.5
@@ -289,9 +287,7 @@ def bodies_at_solids(clearance, mask, half, solids, escape):
         f, ball = work.frames[0, b], arm.bound[b]
         near = ball[3] + work.body_bare[b]
         reach = near + work.body_speed[b] * half
-        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        wx, wy, wz = place_of(f, ball)
         open_ = False
         for k in range(solids.count[0]):
             rod, is_rod = rod_of(solids.rows[k]), solids.kind[k] == CAPSULE
@@ -303,9 +299,7 @@ def bodies_at_solids(clearance, mask, half, solids, escape):
                 continue
             for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
                 s = arm.spheres[i]
-                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                cx, cy, cz = place_of(f, s)
                 # once the interval is open, only a solid in the way is news
                 travel = 0.0 if open_ else work.speed[i] * half
                 far = bare[i] + travel
@@ -343,9 +337,7 @@ def chords_at_solids(clearance, mask, level, solids, escape):
         if not mask[b] or level < work.early[b]:
             continue
         h, ball = work.frames[0, b], arm.bound[b]  # in the middle of the chords
-        wx = h[0] * ball[0] + h[1] * ball[1] + h[2] * ball[2] + h[9]
-        wy = h[3] * ball[0] + h[4] * ball[1] + h[5] * ball[2] + h[10]
-        wz = h[6] * ball[0] + h[7] * ball[1] + h[8] * ball[2] + h[11]
+        wx, wy, wz = place_of(h, ball)
         reach = ball[3] + work.body_bare[b] + work.body_speed[b] * 0.5 * dt
         reach += work.body_bend[b] * dt * dt / 8.0
         for k in range(solids.count[0]):
@@ -363,12 +355,8 @@ def chord_at_solid(clearance, b, dt, solids, k, escape):
     f, g = work.frames[1, b], work.frames[2, b]
     for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
         s = arm.spheres[i]
-        ax = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-        ay = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-        az = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-        cx = g[0] * s[0] + g[1] * s[1] + g[2] * s[2] + g[9]
-        cy = g[3] * s[0] + g[4] * s[1] + g[5] * s[2] + g[10]
-        cz = g[6] * s[0] + g[7] * s[1] + g[8] * s[2] + g[11]
+        ax, ay, az = place_of(f, s)
+        cx, cy, cz = place_of(g, s)
         sag = work.bend[i] * dt * dt / 8.0
         r = bare[i] + sag
         mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
@@ -501,18 +489,14 @@ def place_clear(clearance, q, cloud, solids):
                 return False
             widest, barest = max(widest, radii[i]), max(barest, bare[i])
         f, ball = work.frames[0, b], arm.bound[b]
-        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        wx, wy, wz = place_of(f, ball)
         near = ball[3] + barest
         for k in range(solids.count[0]):
             if solid_distance(solids, k, wx, wy, wz, near) >= near:
                 continue
             for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
                 s = arm.spheres[i]
-                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                cx, cy, cz = place_of(f, s)
                 d = solid_distance(solids, k, cx, cy, cz, bare[i])
                 if d < bare[i]:
                     work.found[0], work.found[1] = i, FIRST_SOLID - k
@@ -583,6 +567,48 @@ def place_anchor(arm, q, work):
 
 
 @njit(**INNER)
+def gap_from_points(arm, work, b, cloud, best):
+    """Return the least distance of body b's spheres from the points, at most `best`.
+
+    The bodies stand where work.frames[0] has them. work.found as of `separation`.
+    """
+    first, last = arm.body_ptr[b], arm.body_ptr[b + 1]
+    f, ball = work.frames[0, b], arm.bound[b]
+    wx, wy, wz = place_of(f, ball)
+    widest = 0.0
+    for i in range(first, last):
+        widest = max(widest, arm.spheres[i, 3])
+    # no sphere is nearer than the ball round all of the body's
+    reach = max(0.0, best + widest + ball[3]) + BALL_ROUNDING
+    n_near = list_near(cloud, wx, wy, wz, reach)
+    for i in range(first, last):
+        s = arm.spheres[i]
+        cx, cy, cz = place_of(f, s)
+        for at in range(n_near):
+            far = best + s[3]
+            if far <= 0.0:
+                break
+            k = cloud.near[at]
+            if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
+                continue
+            begin, end, far2 = cloud.start[k], cloud.start[k + 1], far * far
+            if end - begin >= MANY:
+                place = cx, cy, cz
+                if not any_within(cloud.xyz, begin, end, place, far2 + BALL_ROUNDING):
+                    continue
+            for p in range(begin, end):
+                dx = cloud.xyz[p, 0] - cx
+                dy = cloud.xyz[p, 1] - cy
+                dz = cloud.xyz[p, 2] - cz
+                d = math.sqrt(dx * dx + dy * dy + dz * dz) - s[3]
+                if d < best:
+                    best = d
+                    work.found[0] = i
+                    work.found[1] = cloud.order[p]
+    return best
+
+
+@njit(**INNER)
 def gap_from_solids(arm, work, solids, begin, end, best, least):
     """Return the least distance of the cover from solids begin to end, at most `best`.
 
@@ -594,9 +620,7 @@ def gap_from_solids(arm, work, solids, begin, end, best, least):
         if first == last:
             continue
         f, ball = work.frames[0, b], arm.bound[b]
-        wx = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        wy = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        wz = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        wx, wy, wz = place_of(f, ball)
         reach = 0.0
         for i in range(first, last):
             reach = max(reach, arm.spheres[i, 3])
@@ -613,9 +637,7 @@ def gap_from_solids(arm, work, solids, begin, end, best, least):
                 continue
             for i in range(first, last):
                 s = arm.spheres[i]
-                cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-                cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-                cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+                cx, cy, cz = place_of(f, s)
                 if is_rod:
                     d = rod_distance(rod, cx, cy, cz) - s[3]
                 else:
@@ -642,27 +664,7 @@ def separation(arm, q, cloud, solids, limit, work):
     work.found[1] = -1
     listed = cloud.counts[N_LISTED]
     for b in range(1, arm.tree_i.shape[0] if listed else 0):
-        f = work.frames[0, b]
-        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-            s = arm.spheres[i]
-            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
-            for k in range(listed):
-                far = best + s[3]
-                if far <= 0.0:
-                    break
-                if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
-                    continue
-                for p in range(cloud.start[k], cloud.start[k + 1]):
-                    dx = cloud.xyz[p, 0] - cx
-                    dy = cloud.xyz[p, 1] - cy
-                    dz = cloud.xyz[p, 2] - cz
-                    d = math.sqrt(dx * dx + dy * dy + dz * dz) - s[3]
-                    if d < best:
-                        best = d
-                        work.found[0] = i
-                        work.found[1] = cloud.order[p]
+        best = gap_from_points(arm, work, b, cloud, best)
     return gap_from_solids(arm, work, solids, 0, solids.count[0], best, -math.inf)
 
 

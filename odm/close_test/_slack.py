@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
+from odm.close_test._close import place_of
 from odm.obstacles._solids import (
     BOX,
     CAPSULE,
@@ -119,15 +120,6 @@ def chord_spare(arm, lengths, frames, bound, dt, solids, first):
             if not spare >= LEAST:
                 return spare, least
     return spare, least
-
-
-@njit(**INNER)
-def place_of(f, p):
-    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
-    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
-    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
-    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
-    return x, y, z
 
 
 @njit(**INNER)

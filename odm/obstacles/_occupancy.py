@@ -50,6 +50,16 @@ def mark_more(points, begin, end, cloud):
     """Mark the cells of points[begin:end], too, for the test by cells alone."""
     flat, where = points.reshape(-1)[3 * begin : 3 * end], cloud.where[begin:end]
     outside, bad = find_cells(flat, where, cloud.origin, cloud.h, cloud.shape)
+    mark_cells(where, cloud)
+    cloud.counts[N_INSIDE] += end - begin - outside
+    cloud.counts[N_OUTSIDE] += outside - bad
+    cloud.counts[N_BAD] += bad
+    cloud.counts[IS_SORTED] = 0
+
+
+@njit(**INNER)
+def mark_cells(where, cloud):
+    """Mark cells block << 6 | bit, -1 for none, and list their blocks."""
     words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
     n_occupied = cloud.counts[N_OCCUPIED]
     for i in range(np.uint64(where.shape[0])):
@@ -61,10 +71,6 @@ def mark_more(points, begin, end, cloud):
             n_occupied += 1
         words[b] = word | (inside << bit)
     cloud.counts[N_OCCUPIED] = n_occupied
-    cloud.counts[N_INSIDE] += end - begin - outside
-    cloud.counts[N_OUTSIDE] += outside - bad
-    cloud.counts[N_BAD] += bad
-    cloud.counts[IS_SORTED] = 0
 
 
 @njit(**INNER)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from doors import with_door
-from naive_cells import edge_cells, occupied_cells, smallest_gap
+from naive_cells import centers, edge_cells, occupied_cells, smallest_gap
 from small import draw_arm, draw_valid
 
 import odm
 from odm.close_test import _close as close
 from odm.close_test._arm import make_work
-from odm.close_test.close_test import CloseTest
+from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import N_LISTED
+from odm.obstacles._cloud import N_INSIDE, N_LISTED
 from roadmap.kinematics.forward import difference
 
 any_within = with_door(close.any_within)
@@ -97,6 +97,31 @@ def test_what_is_not_a_number_is_within_any_distance(rng):
             said = any_within(xyz, begin, end, (0.0, 0.0, 0.0), far2)
             assert said == (d2 < far2).any()
     assert any_within(xyz, 0, 50, (np.nan, 0.0, 0.0), 1e-6)
+
+
+def test_the_separation_is_that_of_the_nearest_point_and_sphere(
+    small_map, planner, rng
+):
+    arm, work = small_map.arm, work_of(small_map)
+    for spacing in (0.05, 0.008):
+        for _ in range(20):
+            q = draw_valid(planner, rng)
+            points = odm.sample_capsules(draw_arm(rng), spacing)
+            cloud = cloud_of(small_map, points[occupied_mask(small_map, points)])
+            there = cloud.xyz[: cloud.counts[N_INSIDE]]
+            at = centers(arm, small_map.robot, q)
+            gaps = np.linalg.norm(at[:, None] - there[None], axis=2)
+            gaps -= arm.spheres[:, 3:]
+            for limit in (np.inf, 0.1, float(gaps.min()) - 1e-6):
+                said = close.separation(arm, q, cloud, NO_SOLIDS, limit, work)
+                if limit < gaps.min():
+                    assert said == limit and work.found[0] == -1
+                    continue
+                assert said == pytest.approx(min(limit, gaps.min()), abs=1e-9)
+                if said < limit:
+                    i, p = work.found[:2]
+                    k = np.flatnonzero(cloud.order[: len(there)] == p)[0]
+                    assert gaps[i, k] == pytest.approx(gaps.min(), abs=1e-9)
 
 
 def test_what_is_called_blocked_comes_within_the_tolerance(small_map, planner, rng):

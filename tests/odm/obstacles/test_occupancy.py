@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from odm.close_test._sorted_clouds import FAR, lay_out
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OCCUPIED, N_OUTSIDE
+from odm.obstacles._cloud import N_BAD, N_INSIDE, N_LISTED, N_OCCUPIED, N_OUTSIDE
 from odm.obstacles.grid import WorkspaceGrid
 
 GRID = WorkspaceGrid(np.array([-0.7, -0.41, -0.2]), 0.05, np.array([7, 4, 5]))
@@ -82,3 +83,26 @@ def test_points_are_sorted_by_block_in_their_order(rng, n):
         assert (cloud.xyz[part] == points[mine]).all()
         low, high = points[mine].min(axis=0), points[mine].max(axis=0)
         assert (cloud.box[k] == [*low, *high]).all()
+
+
+@pytest.mark.parametrize("n", [0, 1, 300, 20_000])
+def test_points_outside_are_laid_out_with_the_nearest_block(rng, n):
+    points, cloud = drawn(rng, n), GRID.new_cloud(n)
+    bad = lay_out(points, cloud)
+    with np.errstate(over="ignore"):
+        cells = (points - cloud.origin) * (1.0 / cloud.h)
+    known = (np.abs(cells) < FAR).all(axis=1)
+    assert bad == (~known).sum() == cloud.counts[N_BAD]
+    assert cloud.counts[N_INSIDE] == known.sum()
+    shape = np.array(GRID.blocks)
+    nearest = np.clip(np.floor(cells[known] / 4.0), 0, shape - 1).astype(int)
+    blocks = np.ravel_multi_index(nearest.T, shape)
+    listed = cloud.occupied[: cloud.counts[N_LISTED]]
+    assert sorted(listed.tolist()) == np.unique(blocks).tolist()
+    ids = np.flatnonzero(known)
+    for k, b in enumerate(listed):
+        part = slice(int(cloud.start[k]), int(cloud.start[k + 1]))
+        assert cloud.order[part].tolist() == ids[blocks == b].tolist()
+        mine = points[cloud.order[part]]
+        assert (cloud.xyz[part] == mine).all()
+        assert (cloud.box[k] == [*mine.min(axis=0), *mine.max(axis=0)]).all()
