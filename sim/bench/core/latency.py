@@ -17,6 +17,7 @@ from sim.bench.frames import (
     make_pairs,
 )
 from sim.bench.rivals import baselines, lengths
+from sim.bench.rivals.beside_vamp import beside_vamp
 from sim.tables.header import header
 
 FCL_FRAMES, COMPILED_FRAMES = 40, 600  # frames the competitors are run on
@@ -69,6 +70,8 @@ def run(
         "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
+    sets = {"the frames above": drawn, "those across the straight motion": across}
+    parts["beside VAMP"] = lambda: beside_vamp(cell_map, sets)
     for name, measure in parts.items():
         tell(name)
         rows += measure()

@@ -59,21 +59,25 @@ class Vamp:
 
     def path(self, frame: Frame) -> np.ndarray | None:
         """Make its world, plan, simplify."""
-        world = self._world(frame)
+        path = self.planned(self.world(frame))
+        # not by iteration, which has no end: its paths read on past their last row
+        return None if path is None else path.numpy().astype(float)
+
+    def planned(self, world: object) -> object | None:
+        """Return a path of VAMP's own in a world, None for none."""
         self.sampler.reset()
         found = self.robot.rrtc(*self.ends, world, self.plan, self.sampler)
         if not found.solved:
             return None
-        path = found.path
-        if self.simplified:
-            path = self.robot.simplify(path, world, self.simp, self.sampler).path
-        # not by iteration, which has no end: its paths read on past their last row
-        return path.numpy().astype(float)
+        if not self.simplified:
+            return found.path
+        return self.robot.simplify(found.path, world, self.simp, self.sampler).path
 
     def after(self) -> None:
         """Do nothing."""
 
-    def _world(self, frame: Frame) -> object:
+    def world(self, frame: Frame) -> object:
+        """Return VAMP's environment of what stands around."""
         world = self.vamp.Environment()
         if frame.cloud is not None:
             low, high = self.robot.min_max_radii()

@@ -198,7 +198,7 @@ def test_vamp_where_it_is_there_has_obstacles_where_they_are(of):
             frame = Frame(NO_RODS, (Box((2 * half).tolist(), T),))
         near = (away - radii[:, 0]).min()
         if vamp.robot.validate(q) and abs(near) > 1e-3:
-            assert vamp.robot.validate(q, vamp._world(frame)) == (near > 0)
+            assert vamp.robot.validate(q, vamp.world(frame)) == (near > 0)
             touched += near < 0
     assert touched > 20
 

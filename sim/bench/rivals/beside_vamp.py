@@ -1,0 +1,109 @@
+"""VAMP on the planner's frames, in turn on one core, where `import vamp` works.
+
+Everyone has a pair's frames one after the other, as a loop would, then the next one
+has. Of each frame the least of some passes counts, so that what else the machine did
+meanwhile does not.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from odm import ReactivePlanner
+from odm.cell_map.cell_map import CellMap
+from sim.bench.clock import Clock, time_row
+from sim.bench.frames import Pair
+from sim.bench.rivals.peer_cases import Case, Frame
+from sim.bench.rivals.peer_vamp import Vamp, VampMissing
+from sim.tables.table import value_row
+
+PASSES = 3
+# times faster than VAMP simplified; than VAMP raw and its check, at each share
+FASTER, AHEAD = {50: 5.0, 99: 2.5}, 1.0
+_OURS, _OURS_KEPT = "every frame replanned", "path kept while it is free"
+_SIMPLIFIED, _RAW = "VAMP simplified", "VAMP raw"
+_CHECK = "VAMP's path checked, planned anew where that fails"
+
+
+def beside_vamp(cell_map: CellMap, sets: dict[str, list[Pair]]) -> list:
+    """Time our planner and VAMP on the same frames.
+
+    Args:
+        cell_map: The map of the robot.
+        sets: Pairs by what is said of them; what is asked is asked of the first.
+
+    Returns:
+        Rows; a single one that says so where VAMP is not installed or knows no such
+        robot.
+    """
+    source = cell_map.recipe.robot.source
+    try:
+        raw, simplified = Vamp(source, False), Vamp(source, True)
+    except VampMissing as error:
+        return [value_row("beside VAMP", np.nan, "", f"{error}; see docs/peers.md")]
+    planners = [ReactivePlanner(cell_map, always) for always in (True, False)]
+    runners = {
+        _OURS: lambda pair, clock: _ours(planners[0], pair, clock),
+        _SIMPLIFIED: lambda pair, clock: _theirs(simplified, pair, clock),
+        _RAW: lambda pair, clock: _theirs(raw, pair, clock),
+        _OURS_KEPT: lambda pair, clock: _ours(planners[1], pair, clock),
+        _CHECK: lambda pair, clock: _theirs(simplified, pair, clock, keeps=True),
+    }
+    rows = []
+    for k, (what, pairs) in enumerate(sets.items()):
+        rows += _rows(what, _least(runners, pairs), asks=k == 0)
+    return rows
+
+
+def _least(runners: dict[str, Callable], pairs: list[Pair]) -> dict[str, np.ndarray]:
+    """Return the least time of each frame [us], of everyone."""
+    best: dict[str, np.ndarray] = {}
+    for _ in range(PASSES):
+        clocks = {name: Clock() for name in runners}
+        for pair in pairs:
+            for name, run in runners.items():
+                run(pair, clocks[name])
+        for name, clock in clocks.items():
+            times = 1e-3 * np.array(clock.wall, float)
+            best[name] = np.minimum(times, best.get(name, times))
+    return best
+
+
+def _rows(what: str, times: dict[str, np.ndarray], asks: bool) -> list:
+    note = f"{what}; in turn, least of {PASSES} passes"
+    rows = [time_row(f"beside VAMP: {_OURS}", note, times[_OURS], None)]
+    rows += [time_row(f"... {name}", "", times[name], None) for name in times
+             if name != _OURS]  # fmt: skip
+    faster = [(_OURS, _SIMPLIFIED, share, least) for share, least in FASTER.items()]
+    faster += [(_OURS, _RAW, share, AHEAD) for share in FASTER]
+    faster += [(_OURS_KEPT, _CHECK, share, AHEAD) for share in (50, 95, 99)]
+    for ours, theirs, share, least in faster:
+        ratio = np.percentile(times[theirs], share) / np.percentile(times[ours], share)
+        name = f"... {ours}, times faster than {theirs} at p{share}"
+        rows.append(value_row(name, ratio, "", least=least if asks else None))
+    return rows
+
+
+def _ours(planner: ReactivePlanner, pair: Pair, clock: Clock) -> None:
+    planner.reset()
+    planner.set_goals([pair.q_goal])
+    frames = pair.asked()
+    frames[0](planner, pair.q_start)  # which pays for a q never seen
+    for ask in frames:
+        clock(ask, planner, pair.q_start)
+
+
+def _theirs(vamp: Vamp, pair: Pair, clock: Clock, keeps: bool = False) -> None:
+    frames = [Frame(rods) for rods in pair.capsules]
+    vamp.begin(Case("", pair.q_start, pair.q_goal, tuple(frames), ()))
+    path = vamp.planned(vamp.world(frames[0]))
+    for frame in frames:
+        path = clock(_answer, vamp, frame, path if keeps else None)
+
+
+def _answer(vamp: Vamp, frame: Frame, path: object | None) -> object | None:
+    """Return a path in this frame: the one before, if that is still free."""
+    world = vamp.world(frame)
+    if path is not None and path.validate(world):
+        return path
+    return vamp.planned(world)

@@ -1,0 +1,78 @@
+"""Our planner and VAMP on the same frames: who is asked what, and what is told."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from small import AWAY, HOME
+
+from sim.bench.frames import Pair
+from sim.bench.rivals import beside_vamp as beside
+from sim.bench.rivals.peer_vamp import VampMissing
+
+FRAMES = 4
+SETS = {"some": 2, "others": 1}
+
+
+def pairs(n):
+    rods = np.array(
+        [[0.5, 0.4, 0.9, 0.5, 0.5, 1.1, 0.05], [0.5, 0.5, 1.1, 1, 1, 1, 0.04]]
+    )
+    capsules = np.stack([rods + 0.001 * k for k in range(FRAMES)])
+    return [Pair(HOME, AWAY, capsules, "sweep")] * n
+
+
+def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
+    small_map, monkeypatch
+):
+    asked = []
+
+    class Fake:
+        def __init__(self, robot, simplified):
+            self.simplified = simplified
+
+        def begin(self, case):
+            np.testing.assert_array_equal(case.q_goal, AWAY)
+            asked.append((self.simplified, "begin"))
+
+        def world(self, frame):
+            return frame.rods
+
+        def planned(self, world):
+            asked.append((self.simplified, "plan"))
+            # free but in the pair's third frame
+            return SimpleNamespace(validate=lambda rods: rods[0, 0] != 0.502)
+
+    monkeypatch.setattr(beside, "Vamp", Fake)
+    rows = beside.beside_vamp(small_map, {w: pairs(n) for w, n in SETS.items()})
+    first, second = rows[: len(rows) // 2], rows[len(rows) // 2 :]
+    for part, n in ((first, 2), (second, 1)):
+        timed = [row for row in part if "wall" in row]
+        assert [row["n"] for row in timed] == [n * FRAMES] * 5
+        assert timed[0]["name"] == "beside VAMP: every frame replanned"
+    ratios = [row for row in rows if "wall" not in row]
+    assert all(row["value"] > 0.0 for row in ratios)
+    least = [row["asked"].get("least") for row in ratios]
+    assert least == [5.0, 2.5, 1.0, 1.0, 1.0, 1.0, 1.0] + [None] * 7
+    assert "times faster than VAMP simplified at p50" in ratios[0]["name"]
+    passes = beside.PASSES * sum(SETS.values())
+    # one to begin with and one a frame; of a kept path one where it is not free
+    assert asked.count((False, "plan")) == passes * (1 + FRAMES)
+    assert asked.count((True, "plan")) == passes * (1 + FRAMES + 1 + 1)
+    assert asked.count((True, "begin")) == 2 * asked.count((False, "begin"))
+
+
+def test_the_least_of_all_passes_counts(monkeypatch):
+    times = iter([[5_000, 9_000], [7_000, 2_000], [6_000, 3_000]])
+    least = beside._least(
+        {"one": lambda pair, clock: clock.wall.extend(next(times))}, [0]
+    )
+    assert least["one"].tolist() == [5.0, 2.0]
+
+
+def test_without_vamp_one_row_says_so(small_map, monkeypatch):
+    def missing(*_):
+        raise VampMissing("not installed")
+
+    monkeypatch.setattr(beside, "Vamp", missing)
+    (row,) = beside.beside_vamp(small_map, {"some": pairs(1)})
+    assert row["value"] is None and "not installed" in row["note"]
