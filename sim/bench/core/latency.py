@@ -70,7 +70,7 @@ def run(
         "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
     }
-    sets = {"the frames above": drawn, "those across the straight motion": across}
+    sets = {"these frames": drawn, "straight motion blocked": across}
     parts["beside VAMP"] = lambda: beside_vamp(cell_map, sets)
     for name, measure in parts.items():
         tell(name)
