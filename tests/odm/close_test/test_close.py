@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 from doors import with_door
 from naive_cells import centers, edge_cells, occupied_cells, smallest_gap
+from scipy.spatial.transform import Rotation
 from small import draw_arm, draw_valid
 
 import odm
 from odm.close_test import _close as close
-from odm.close_test._arm import make_work
+from odm.close_test._arm import Clearance, make_work
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import N_INSIDE, N_LISTED
 from roadmap.kinematics.forward import difference
 
 any_within = with_door(close.any_within)
+body_chord = with_door(close.body_chord)
 list_near = with_door(close.list_near)
 
 
@@ -97,6 +99,39 @@ def test_what_is_not_a_number_is_within_any_distance(rng):
             said = any_within(xyz, begin, end, (0.0, 0.0, 0.0), far2)
             assert said == (d2 < far2).any()
     assert any_within(xyz, 0, 50, (np.nan, 0.0, 0.0), 1e-6)
+
+
+def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
+    """However far its ends are from its middle, which is what blocks are listed by."""
+    arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
+    clearance = Clearance(arm, radii, radii, 0.01, work)
+    b = len(arm.body_ptr) - 2
+    part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
+    work.body_radius[b], work.bend[:], work.body_bend[:] = radii[part].max(), 0.0, 0.0
+    free = blocked = 0
+    for _ in range(300):
+        R = Rotation.random(random_state=rng).as_matrix()
+        begin, d = rng.uniform(-0.4, 0.4, 3), rng.uniform(0.0, 0.8) * unit(rng)
+        for k, share in enumerate((0.5, 0.0, 1.0)):
+            work.frames[k, b] = [*R.ravel(), *(begin + share * d)]
+        work.body_speed[b] = np.linalg.norm(d)
+        points = begin + rng.uniform(-0.3, 1.3, (rng.integers(1, 40), 1)) * d
+        points += rng.normal(size=points.shape) * rng.choice([0.15, 0.4])
+        f, g = work.frames[1, b], work.frames[2, b]
+        points = points[occupied_mask(small_map, points)]
+        said = body_chord(clearance, b, f, g, 1.0, cloud_of(small_map, points), False)
+        at = arm.spheres[part, :3] @ R.T + begin
+        w = points[None] - at[:, None]
+        along = np.clip(w @ d / (d @ d), 0.0, 1.0)
+        gaps = np.linalg.norm(w - along[..., None] * d, axis=2)
+        assert said == (gaps >= radii[part, None]).all()
+        free, blocked = free + said, blocked + (not said)
+    assert free > 50 < blocked
+
+
+def unit(rng):
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
 
 
 def test_the_separation_is_that_of_the_nearest_point_and_sphere(
