@@ -20,7 +20,7 @@ from sim.bench.rivals import baselines, lengths
 from sim.bench.rivals.beside_vamp import beside_vamp
 from sim.tables.header import header
 
-FCL_FRAMES, COMPILED_FRAMES = 40, 600  # frames the competitors are run on
+FRAMES = 40, 600  # that the competitors are run on: by python-fcl, compiled
 
 
 def run(
@@ -69,15 +69,13 @@ def run(
         "storage": lambda: map_rows.storage(map_dir, cell_map),
         "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),
+        "beside VAMP": lambda: beside_vamp(cell_map, drawn, across),
     }
-    sets = {"these frames": drawn, "straight motion blocked": across}
-    parts["beside VAMP"] = lambda: beside_vamp(cell_map, sets)
     for name, measure in parts.items():
         tell(name)
         rows += measure()
     tell("competitors")
-    counts = (2, 6) if short else (FCL_FRAMES, COMPILED_FRAMES)
-    against = baselines.compare(cell_map, drawn, *counts)
+    against = baselines.compare(cell_map, drawn, *((2, 6) if short else FRAMES))
     return {
         "bench": "latency",
         "header": head,

@@ -25,12 +25,13 @@ _SIMPLIFIED, _RAW = "VAMP simplified", "VAMP raw"
 _CHECK = "VAMP's path kept"  # checked, and planned anew where that fails
 
 
-def beside_vamp(cell_map: CellMap, sets: dict[str, list[Pair]]) -> list:
+def beside_vamp(cell_map: CellMap, drawn: list[Pair], across: list[Pair]) -> list:
     """Time our planner and VAMP on the same frames.
 
     Args:
         cell_map: The map of the robot.
-        sets: Pairs by what is said of them; what is asked is asked of the first.
+        drawn: Pairs of which is asked what is asked.
+        across: Pairs in most of whose frames the straight motion is blocked.
 
     Returns:
         Rows; a single one that says so where VAMP is not installed or knows no such
@@ -49,10 +50,9 @@ def beside_vamp(cell_map: CellMap, sets: dict[str, list[Pair]]) -> list:
         _OURS_KEPT: lambda pair, clock: _ours(planners[1], pair, clock),
         _CHECK: lambda pair, clock: _theirs(simplified, pair, clock, keeps=True),
     }
-    rows = []
-    for k, (what, pairs) in enumerate(sets.items()):
-        rows += _rows(what, _least(runners, pairs), asks=k == 0)
-    return rows
+    these, others = _least(runners, drawn), _least(runners, across)
+    rows = _rows("these frames", these, asks=True)
+    return rows + _rows("straight motion blocked", others, asks=False)
 
 
 def _least(runners: dict[str, Callable], pairs: list[Pair]) -> dict[str, np.ndarray]:

@@ -10,7 +10,6 @@ from sim.bench.rivals import beside_vamp as beside
 from sim.bench.rivals.peer_vamp import VampMissing
 
 FRAMES = 4
-SETS = {"some": 2, "others": 1}
 
 
 def pairs(n):
@@ -43,9 +42,10 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
             return SimpleNamespace(validate=lambda rods: rods[0, 0] != 0.502)
 
     monkeypatch.setattr(beside, "Vamp", Fake)
-    rows = beside.beside_vamp(small_map, {w: pairs(n) for w, n in SETS.items()})
+    rows = beside.beside_vamp(small_map, pairs(2), pairs(1))
     first, second = rows[: len(rows) // 2], rows[len(rows) // 2 :]
-    for part, n, what in ((first, 2, "some"), (second, 1, "others")):
+    sets = (first, 2, "these frames"), (second, 1, "straight motion blocked")
+    for part, n, what in sets:
         timed = [row for row in part if "wall" in row]
         assert [row["n"] for row in timed] == [n * FRAMES] * 5
         assert timed[0]["name"] == f"beside VAMP, {what}: every frame replanned"
@@ -54,7 +54,7 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
     least = [row["asked"].get("least") for row in ratios]
     assert least == [5.0, 2.5, 1.0, 1.0, 1.0, 1.0, 1.0] + [None] * 7
     assert "times faster than VAMP simplified, p50" in ratios[0]["name"]
-    passes = beside.PASSES * sum(SETS.values())
+    passes = beside.PASSES * 3
     # one to begin with and one a frame; of a kept path one where it is not free
     assert asked.count((False, "plan")) == passes * (1 + FRAMES)
     assert asked.count((True, "plan")) == passes * (1 + FRAMES + 1 + 1)
@@ -74,5 +74,5 @@ def test_without_vamp_one_row_says_so(small_map, monkeypatch):
         raise VampMissing("not installed")
 
     monkeypatch.setattr(beside, "Vamp", missing)
-    (row,) = beside.beside_vamp(small_map, {"some": pairs(1)})
+    (row,) = beside.beside_vamp(small_map, pairs(1), pairs(1))
     assert row["value"] is None and "not installed" in row["note"]
