@@ -188,8 +188,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
     arm, radii, work = clearance.arm, clearance.radii, clearance.work
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
-    f = frame
-    wx, wy, wz = place_of(f, arm.bound[b])
+    wx, wy, wz = place_of(frame, arm.bound[b])
     result = 0
     for at in range(list_near(cloud, wx, wy, wz, reach)):
         k = cloud.near[at]
@@ -198,7 +197,7 @@ def body_at(clearance, b, frame, half, cloud, escape):
         begin, end = cloud.start[k], cloud.start[k + 1]
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
-            cx, cy, cz = place_of(f, s)
+            cx, cy, cz = place_of(frame, s)
             # once the interval is undecided, only a blocking point changes that
             travel = work.speed[i] * half if result == 0 else 0.0
             far = radii[i] + travel

@@ -41,7 +41,7 @@ def beside_vamp(cell_map: CellMap, drawn: list[Pair], across: list[Pair]) -> lis
     try:
         raw, simplified = Vamp(source, False), Vamp(source, True)
     except VampMissing as error:
-        return [value_row("beside VAMP", np.nan, "", f"{error}; see docs/peers.md")]
+        return [value_row(f"beside VAMP: {error}", np.nan, "", "see docs/peers.md")]
     planners = [ReactivePlanner(cell_map, always) for always in (True, False)]
     runners = {
         _OURS: lambda pair, clock: _ours(planners[0], pair, clock),

@@ -75,4 +75,4 @@ def test_without_vamp_one_row_says_so(small_map, monkeypatch):
 
     monkeypatch.setattr(beside, "Vamp", missing)
     (row,) = beside.beside_vamp(small_map, pairs(1), pairs(1))
-    assert row["value"] is None and "not installed" in row["note"]
+    assert row["value"] is None and "not installed" in row["name"]
