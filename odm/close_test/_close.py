@@ -566,19 +566,25 @@ def place_anchor(arm, q, work):
 
 
 @njit(**INNER)
+def ball_of(arm, b):
+    """Return the radius of a ball round all spheres of a body [m]."""
+    widest = 0.0
+    for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
+        widest = max(widest, arm.spheres[i, 3])
+    return widest + (arm.bound[b, 3] + BALL_ROUNDING)
+
+
+@njit(**INNER)
 def gap_from_points(arm, work, b, cloud, best):
     """Return the least distance of body b's spheres from the points, at most `best`.
 
     The bodies stand where work.frames[0] has them. work.found as of `separation`.
     """
     first, last = arm.body_ptr[b], arm.body_ptr[b + 1]
-    f, ball = work.frames[0, b], arm.bound[b]
-    wx, wy, wz = place_of(f, ball)
-    widest = 0.0
-    for i in range(first, last):
-        widest = max(widest, arm.spheres[i, 3])
+    f = work.frames[0, b]
+    wx, wy, wz = place_of(f, arm.bound[b])
     # no sphere is nearer than the ball round all of the body's
-    reach = max(0.0, best + widest + ball[3]) + BALL_ROUNDING
+    reach = max(0.0, best + ball_of(arm, b))
     n_near = list_near(cloud, wx, wy, wz, reach)
     for i in range(first, last):
         s = arm.spheres[i]
@@ -620,10 +626,7 @@ def gap_from_solids(arm, work, solids, begin, end, best, least):
             continue
         f, ball = work.frames[0, b], arm.bound[b]
         wx, wy, wz = place_of(f, ball)
-        reach = 0.0
-        for i in range(first, last):
-            reach = max(reach, arm.spheres[i, 3])
-        reach += ball[3] + BALL_ROUNDING
+        reach = ball_of(arm, b)
         for k in range(begin, end):
             # no sphere is nearer than the ball round all of the body's
             far = best + reach

@@ -284,7 +284,7 @@ def pick_sorted(pick, cloud):
 def pick_unsorted(pick, cloud, points):
     """Collect the points of the picked cells from a cloud that is not sorted."""
     n_picked = pick.counts[N_OCCUPIED]
-    start, slot, box = pick.start, pick.slot, pick.box
+    start, slot = pick.start, pick.slot
     for k in range(n_picked + 1):
         start[k] = 0
     where, words, hits = cloud.where[: cloud.counts[N_GIVEN]], pick.words, pick.where
@@ -298,17 +298,18 @@ def pick_unsorted(pick, cloud, points):
         start[slot[where[hits[j]] >> 6] + 1] += 1
     for k in range(n_picked):
         start[k + 1] += start[k]
-        begin_box(box[k])
     for j in range(found):
         i = hits[j]
         k = slot[where[i] >> 6]
         at = start[k]
         start[k] = at + 1
         pick.order[at] = i
-        put_point(points[i], pick.xyz[at], box[k])
     for k in range(n_picked, 0, -1):
         start[k] = start[k - 1]
     start[0] = 0
+    for k in range(n_picked):
+        begin, end = np.int64(start[k]), np.int64(start[k + 1])
+        put_points(points, pick.order, begin, end, pick.xyz, pick.box[k])
     return np.int64(found)
 
 
@@ -336,22 +337,6 @@ def put_points(points, order, begin, end, xyz, box):
         x0, y0, z0 = min(x0, x), min(y0, y), min(z0, z)
         x1, y1, z1 = max(x1, x), max(y1, y), max(z1, z)
     box[0], box[1], box[2], box[3], box[4], box[5] = x0, y0, z0, x1, y1, z1
-
-
-@njit(**INNER)
-def begin_box(box):
-    """Let a box (6,) hold nothing."""
-    for a in range(3):
-        box[a], box[a + 3] = math.inf, -math.inf
-
-
-@njit(**INNER)
-def put_point(point, xyz, box):
-    """Copy a point to `xyz` (3,), and let its block's box (6,) hold it."""
-    for a in range(3):
-        v = point[a]
-        xyz[a] = v
-        box[a], box[a + 3] = min(box[a], v), max(box[a + 3], v)
 
 
 @njit(**INNER)

@@ -81,6 +81,16 @@ class Pair:
         obstacles = Obstacles(capsules=self.capsules.shape[1])
         return [partial(_ask_of_shapes, obstacles, rods) for rods in self.capsules]
 
+    def begin(
+        self,
+        planner: ReactivePlanner,
+        ask: Callable[[ReactivePlanner, np.ndarray], Answer],
+    ) -> None:
+        """Let a planner answer the first frame, which pays for a q never seen."""
+        planner.reset()
+        planner.set_goals([self.q_goal])
+        ask(planner, self.q_start)
+
     def part(self, frames: slice) -> "Pair":
         """Return the pair with some of its frames only."""
         return Pair(self.q_start, self.q_goal, self.capsules[frames], self.motion)

@@ -66,7 +66,7 @@ def _replanned(
     )
     for pair in pairs:
         frames = pair.asked(shapes)
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         vertices += [len(clock(ask, planner, pair.q_start).path) for ask in frames]
     return clock, np.array(vertices)
 
@@ -77,7 +77,7 @@ def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
     changed, touched, around = [], [], []
     for pair in pairs:
         frames = pair.asked()
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         paths = [clock(ask, planner, pair.q_start).path for ask in frames]
         around += python_around(planner, frames[-1], pair.q_start)
         changed += [
@@ -86,7 +86,7 @@ def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
             if len(last) and len(path)
         ]
         # the same again: to count what a frame touches empties the processor's caches
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         for ask in frames:
             ask(planner, pair.q_start)
             segment, points = planner.path.segment, len(planner.points)
@@ -148,7 +148,7 @@ def _kept_by_points(cell_map: CellMap, pairs: list[Pair]) -> dict:
     planner, clock = ReactivePlanner(cell_map), Clock()
     for pair in pairs:
         frames = pair.asked(shapes=False)
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         for ask in frames:
             clock(ask, planner, pair.q_start)
     return clock.row("... the same frames, sampled", "points at hand")
@@ -159,18 +159,11 @@ def _improved(cell_map: CellMap, pairs: list[Pair]) -> dict:
     planner, clock = ReactivePlanner(cell_map), Clock()
     for pair in pairs:
         frames = pair.asked()
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         for ask in frames:
             clock(ask, planner, pair.q_start)
             planner.improve(4)
     return clock.row("... improve(4) between frames", "the step alone is timed")
-
-
-def _begin(planner: ReactivePlanner, pair: Pair, ask: Callable) -> None:
-    """Take the first frame of a pair, which pays for a q never seen."""
-    planner.reset()
-    planner.set_goals([pair.q_goal])
-    ask(planner, pair.q_start)
 
 
 def difference_of(one: np.ndarray, other: np.ndarray) -> float:
@@ -207,7 +200,7 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
     for pair in pairs:
         frames, q = pair.asked(), pair.q_start
         goals, at = [pair.q_goal, pair.q_start], 0
-        _begin(planner, pair, frames[0])
+        pair.begin(planner, frames[0])
         timed = clock
         for ask in frames:
             answer = timed(ask, planner, q)

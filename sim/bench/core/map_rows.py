@@ -72,8 +72,9 @@ def camera_cloud(capsules: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def clouds(cell_map: CellMap, pairs: list[Pair], seed: int, each: int = 10) -> list:
-    """Time raw points of a camera: 20 000 in, path out."""
+    """Time raw points of a camera: 20 000 in, path out; and what else a loop asks."""
     planner, clock = ReactivePlanner(cell_map, always_replan=True), Clock()
+    to_stop, apart = Clock(), Clock()
     rng = np.random.default_rng(seed)
     rho = cell_map.safety.rho
     for pair in pairs:
@@ -84,8 +85,17 @@ def clouds(cell_map: CellMap, pairs: list[Pair], seed: int, each: int = 10) -> l
         planner.step(seen[0], q=pair.q_start, covering_radius=rho)
         for points in seen:
             clock(planner.step, points, q=pair.q_start, covering_radius=rho)
+        ahead = np.array([pair.q_start, pair.q_goal])
+        for points in seen:
+            planner.step(points, q=pair.q_start, covering_radius=rho)
+            apart(planner.separation, pair.q_start)
+            to_stop(planner.blocked_leg, ahead, 0.1, points)
     note = f"{ON_ARM} on the arm, the rest on the body behind it and a wall; same q"
-    return [clock.row("20 000 raw points -> path", note, p50=150.0, p99=600.0)]
+    return [
+        clock.row("20 000 raw points -> path", note, p50=150.0, p99=600.0),
+        to_stop.row("... whether a motion keeps 10 cm more from them", "blocked_leg"),
+        apart.row("... how near they are", "separation"),
+    ]
 
 
 def storage(map_dir: Path, cell_map: CellMap, repeats: int = 5) -> list:

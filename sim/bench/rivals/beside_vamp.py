@@ -86,10 +86,8 @@ def _rows(what: str, times: dict[str, np.ndarray], asks: bool) -> list:
 
 
 def _ours(planner: ReactivePlanner, pair: Pair, clock: Clock) -> None:
-    planner.reset()
-    planner.set_goals([pair.q_goal])
     frames = pair.asked()
-    frames[0](planner, pair.q_start)  # which pays for a q never seen
+    pair.begin(planner, frames[0])
     for ask in frames:
         clock(ask, planner, pair.q_start)
 
