@@ -9,12 +9,16 @@ from numba.extending import intrinsic
 
 from odm._groups import FRAME, array
 
+CHUNK = 128  # points that are looked at together: they stay in the first cache
+
 
 class Cloud(NamedTuple):
     """Points of one frame, by block; see `_occupancy.py`."""
 
     origin: np.ndarray = array("f8", "3")  # corner of the grid
     h: float = array("f8", "")  # cell size
+    # the origin, once for each point of a chunk
+    corners: np.ndarray = array("f8", f"{3 * CHUNK}")
     shape: np.ndarray = array("i8", "3")  # blocks
     words: np.ndarray = array("u8", "blocks", FRAME)  # occupied cells
     # block ids, the first counts[N_OCCUPIED] are valid
@@ -30,6 +34,8 @@ class Cloud(NamedTuple):
     order: np.ndarray = array("i4", "points", FRAME)  # index each had in the input
     # block << 6 | bit of each input point, -1 outside
     where: np.ndarray = array("i4", "points", FRAME)
+    # scratch: coordinates of a chunk's points, in whole cells from the corner
+    steps: np.ndarray = array("i4", f"{3 * CHUNK}", FRAME)
     # occupied blocks, points inside, outside, bad, sorted?, and of the close test: the
     # first points, and the first occupied blocks, which hold them
     counts: np.ndarray = array("i8", "7", FRAME)
@@ -61,3 +67,13 @@ def cell_of(typingctx, x, y, z, shape_y, shape_z):  # noqa: ANN001, ANN201
     if not all(v == types.int32 for v in (x, y, z, shape_y, shape_z)):
         return None
     return types.int32(x, y, z, shape_y, shape_z), codegen
+
+
+@intrinsic
+def bits_of(typingctx, x):  # noqa: ANN001, ANN201
+    """Return the 64 bits of a double, as an integer."""
+
+    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+        return builder.bitcast(args[0], ir.IntType(64))
+
+    return types.int64(types.float64), codegen

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import (
+    CHUNK,
     IS_SORTED,
     N_BAD,
     N_GIVEN,
@@ -13,9 +14,14 @@ from odm.obstacles._cloud import (
     N_LISTED,
     N_OCCUPIED,
     N_OUTSIDE,
+    bits_of,
     cell_of,
 )
+from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
+
+BEYOND = float(1 << 30)  # cells from a corner: farther than any grid reaches
+_SIGN, _EXPONENT = np.int64(-(1 << 63)), np.int64(1 << 52)
 
 
 @njit(**LEAN)
@@ -40,28 +46,46 @@ def mark_points(points, cloud):
     """Mark the cells of `points` (n, 3); count those outside and those not finite."""
     for k in range(cloud.counts.shape[0]):
         cloud.counts[k] = 0
-    mark_more(points, 0, points.shape[0], cloud)
+    mark_more(points[:0], points, 0, points.shape[0], cloud)
     cloud.counts[N_GIVEN] = points.shape[0]
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
 
 
 @njit(**INNER)
-def mark_more(points, begin, end, cloud):
-    """Mark the cells of points[begin:end], too, for the test by cells alone."""
-    flat, where = points.reshape(-1)[3 * begin : 3 * end], cloud.where[begin:end]
-    outside, bad = find_cells(flat, where, cloud.origin, cloud.h, cloud.shape)
-    mark_cells(where, cloud)
-    cloud.counts[N_INSIDE] += end - begin - outside
-    cloud.counts[N_OUTSIDE] += outside - bad
+def mark_more(given, points, begin, end, cloud):
+    """Mark the cells of points[begin:end], too, for the test by cells alone.
+
+    Where `given` (m, 3) has points they are copied to `points` first. All is done by
+    chunks: while one is read from memory, the one before is worked on.
+    """
+    source, flat = given.reshape(-1), points.reshape(-1)
+    bad = 0
+    for first in range(begin, end, CHUNK):
+        last = min(first + CHUNK, end)
+        chunk, where = flat[3 * first : 3 * last], cloud.where[first:last]
+        if source.shape[0] > 0:
+            copy_row(source[3 * first : 3 * last], chunk)
+        steps = cloud.steps[: 3 * (last - first)]
+        if find_steps(chunk, steps, cloud.corners, cloud.h) < 0:
+            bad += count_not_finite(chunk, cloud.corners, cloud.h)
+        find_cells(steps, where, cloud.shape)
+    inside = mark_cells(cloud.where[begin:end], cloud)
+    cloud.counts[N_INSIDE] += inside
+    cloud.counts[N_OUTSIDE] += end - begin - inside - bad
     cloud.counts[N_BAD] += bad
     cloud.counts[IS_SORTED] = 0
 
 
 @njit(**INNER)
 def mark_cells(where, cloud):
-    """Mark cells block << 6 | bit, -1 for none, and list their blocks."""
+    """Mark cells block << 6 | bit, -1 for none, and list their blocks.
+
+    Returns:
+        How many there are.
+    """
     words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
     n_occupied = cloud.counts[N_OCCUPIED]
+    n_inside = np.uint64(0)
     for i in range(np.uint64(where.shape[0])):
         inside, b, bit = unpacked(where[i])
         word = words[b]
@@ -70,7 +94,9 @@ def mark_cells(where, cloud):
             slot[b] = n_occupied
             n_occupied += 1
         words[b] = word | (inside << bit)
+        n_inside += inside
     cloud.counts[N_OCCUPIED] = n_occupied
+    return np.int64(n_inside)
 
 
 @njit(**INNER)
@@ -85,40 +111,64 @@ def unpacked(cell):
 
 
 @njit(**INNER)
-def find_cells(flat, where, origin, h, shape):
-    """Write to `where` (n,) the cells of points, -1 for those outside the grid.
+def find_steps(flat, steps, corners, h):
+    """Write to `steps` (3 n,) how many cells points are from the grid's corner.
 
-    A cell is block << 6 | bit. LLVM makes vector code of the loop: it has no branch,
-    its indices are unsigned, and its integers have 32 bits.
+    LLVM makes vector code of the loop: it has no branch, its index is unsigned, and it
+    goes from one number to the next, whichever axis that is of.
 
     Args:
         flat: (3 n,) coordinates of the points, one point after the other.
-        where: (n,) where the cells go.
-        origin: (3,) corner of the grid.
+        steps: Where they go, whole; -1 before the corner and for what is no number,
+            BEYOND for all that is as far or farther.
+        corners: (3 n,) or longer; the grid's corner, over and over.
         h: Size of a cell.
-        shape: (3,) blocks of the grid.
 
     Returns:
-        How many are not inside, and how many of these are not finite.
+        A negative number if a coordinate is not finite, in cells.
     """
-    ox, oy, oz = origin[0], origin[1], origin[2]
     inv = 1.0 / h
-    top_x, top_y, top_z = 4.0 * shape[0], 4.0 * shape[1], 4.0 * shape[2]
+    odd = 0
+    for k in range(np.uint64(flat.shape[0])):
+        x = (flat[k] - corners[k]) * inv
+        # the sign's bit is set where the exponent is the one of infinity
+        odd |= (bits_of(x) & ~_SIGN) + _EXPONENT
+        near = x if x < BEYOND else BEYOND
+        steps[k] = np.int32(near) if x >= 0.0 else np.int32(-1)
+    return odd
+
+
+@njit(**INNER)
+def count_not_finite(flat, corners, h):
+    """Return how many points have a coordinate that is not finite, in cells."""
+    inv, n = 1.0 / h, 0
+    for k in range(0, flat.shape[0], 3):
+        good = True
+        for a in range(k, k + 3):
+            good &= math.isfinite((flat[a] - corners[a]) * inv)
+        n += not good
+    return n
+
+
+@njit(**INNER)
+def find_cells(steps, where, shape):
+    """Write to `where` (n,) the cells of points, -1 for those outside the grid.
+
+    A cell is block << 6 | bit. In vector code as `find_steps`, by integers of 32 bits.
+
+    Args:
+        steps: (3 n,) cells from the grid's corner; see `find_steps`.
+        where: (n,) where the cells go.
+        shape: (3,) blocks of the grid.
+    """
     nby, nbz = np.int32(shape[1]), np.int32(shape[2])
-    outside = bad = 0
+    nx, ny, nz = np.uint32(4 * shape[0]), np.uint32(4 * nby), np.uint32(4 * nbz)
     for i in range(np.uint64(where.shape[0])):
         k = np.uint64(3) * i
-        x = (flat[k] - ox) * inv
-        y = (flat[k + np.uint64(1)] - oy) * inv
-        z = (flat[k + np.uint64(2)] - oz) * inv
-        inside = (x >= 0.0) & (y >= 0.0) & (z >= 0.0)
-        inside = inside & (x < top_x) & (y < top_y) & (z < top_z)
-        cell = cell_of(np.int32(x), np.int32(y), np.int32(z), nby, nbz)
-        where[i] = cell if inside else np.int32(-1)
-        outside += not inside
-        # infinity times zero, and what is not a number, are not zero
-        bad += not x * 0.0 + y * 0.0 + z * 0.0 == 0.0
-    return outside, bad
+        x, y, z = steps[k], steps[k + np.uint64(1)], steps[k + np.uint64(2)]
+        # as an unsigned number -1 is larger than all
+        inside = (np.uint32(x) < nx) & (np.uint32(y) < ny) & (np.uint32(z) < nz)
+        where[i] = cell_of(x, y, z, nby, nbz) if inside else np.int32(-1)
 
 
 @njit(**INNER)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm._groups import new
-from odm.obstacles._cloud import Cloud
+from odm.obstacles._cloud import CHUNK, Cloud
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.joint_tree import PRISMATIC
@@ -69,6 +69,7 @@ class WorkspaceGrid:
             {"blocks": self.n_blocks, "points": capacity},
             origin=np.array(self.origin),
             h=self.h,
+            corners=np.tile(self.origin, CHUNK),
             shape=np.array(self.blocks),
         )
 

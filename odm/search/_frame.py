@@ -62,13 +62,19 @@ def take_points(state, points, n_given):
     whose exact distance it takes. All loops take the points from the group `seen`, so
     they must stay where they are until the next frame.
     """
+    return take(state, points[:0], points, n_given)
+
+
+@njit(**INNER)
+def take(state, given, points, n_given):
+    """As `take_points`; the given points are copied to `points` first, if any are."""
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
     show(state, "seen", points)
     clear(cloud)
-    mark_more(points, 0, n_given, cloud)
+    mark_more(given, points, 0, n_given, cloud)
     cloud.counts[N_GIVEN] = n_given
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
-    mark_more(points, n_given, points.shape[0], cloud)
+    mark_more(points[:0], points, n_given, points.shape[0], cloud)
     if extra > 0.0:
         dilate_points(points, extra, cloud)
     search = view(state, "search")
@@ -86,17 +92,19 @@ def take_points(state, points, n_given):
 
 
 @njit(**INNER)
-def copy_points(T, given, points):
-    """Write points (n, 3) to `points` in the base frame; T (4, 4) is the world in it.
+def take_given(state, T, given, points):
+    """As `take_points`, of points (n, 3) in the world, T (4, 4) in the base frame.
 
-    As they are where the base is at the world's origin: no sum with zeros alters them.
+    The first n of `points` hold them then, and the rest what it held. As they are
+    where the base is at the world's origin: no sum with zeros alters them.
     """
+    n = given.shape[0]
     for a in range(3):
         for b in range(4):
             if T[a, b] != (1.0 if a == b else 0.0):
                 place(given, T, points)
-                return
-    copy_row(given.reshape(-1), points.reshape(-1))
+                return take(state, given[:0], points, n)
+    return take(state, given, points, n)
 
 
 @njit(**LEAN)
@@ -107,8 +115,7 @@ def begin_step(state, given, points):
     """
     view(state, "numbers").step[0] += 1
     view(state, "solids").count[0] = 0
-    copy_points(view(state, "patterns").base_world, given, points)
-    bad = take_points(state, points, points.shape[0])
+    bad = take_given(state, view(state, "patterns").base_world, given, points)
     counts = view(state, "cloud").counts
     return bad > 0 or counts[N_OUTSIDE] > counts[N_INSIDE]
 
@@ -143,8 +150,7 @@ def begin_shapes(state, given, data, counts, room):
         patterns.wrong[0] = n
         return MORE_POINTS
     view(state, "numbers").step[0] += 1
-    copy_points(patterns.base_world, given, room[: given.shape[0]])
-    odd = take_points(state, room[:n], given.shape[0])
+    odd = take_given(state, patterns.base_world, given, room[:n])
     if code != FINE:
         return WRONG - code
     counts = view(state, "cloud").counts

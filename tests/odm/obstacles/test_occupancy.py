@@ -54,7 +54,9 @@ def cell_by_cell(points):
     return np.array(where, int), words, blocks, counts
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 3, 7, 8, 15, 16, 17, 31, 33, 64, 1000, 20_000])
+@pytest.mark.parametrize(
+    "n", [0, 1, 2, 3, 7, 8, 15, 17, 33, 127, 128, 129, 385, 1000, 20_000]
+)
 def test_points_mark_the_cells_they_are_in(rng, n):
     points, cloud = drawn(rng, n), GRID.new_cloud(n)
     occupancy.mark_points(points, cloud)
