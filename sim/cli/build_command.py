@@ -1,7 +1,9 @@
 """`odm build`: from a recipe or a URDF to a map, or its cost; and `odm warmup`."""
 
 import math
+import time
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +14,7 @@ from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FOLDER, Limits, Refused
 from sim.terminal.flags import Json, argument, flag, from_request
 from sim.terminal.output import bytes_text, report
-from sim.terminal.progress import Bars
+from sim.terminal.progress import Bars, now_compiling
 
 if TYPE_CHECKING:
     from odm import CellMap, Recipe
@@ -24,6 +26,16 @@ _COST = "Size and safety"
 _LOADS = "odm.cell_map.chunk_code"
 # sections of a recipe, and the options that go there under their own name
 _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
+
+
+class Part(StrEnum):
+    """What `odm warmup` can be asked for alone."""
+
+    RUN = "run"
+    DEMO = "demo"
+
+
+_COMPILED = {Part.RUN: "run", Part.DEMO: "story"}  # their names in the tables
 
 
 @dataclass(frozen=True)
@@ -292,15 +304,38 @@ def _show(facts: dict) -> None:
 
 
 def warmup(
+    part: Annotated[
+        Part | None,
+        typer.Argument(
+            metavar="PART",
+            help="run: what the planner and `odm run` need. demo: what the hand-overs "
+            "of `odm demo` need. All where it is left.",
+            show_default=False,
+        ),
+    ] = None,
     fine: Annotated[
         bool,
         typer.Option("--fine", help="Also for grids of more than 65535 blocks."),
     ] = False,
 ) -> None:
     """Compile all kernels ahead, so that no frame ever pays for it."""
-    from sim.loop.warmup import run_warmup
+    if part is not None and fine:
+        raise Refused(
+            f"--fine was given with {part}; leave one of both: for grids of more than "
+            "65535 blocks all is compiled at once"
+        )
+    if part is not None:
+        from sim.terminal.ahead import compile_for
 
-    with Bars("loading the compiler") as tell:
-        seconds, compiled = run_warmup(tell, fine)
+        now_compiling(_COMPILED[part])
+        begun = time.perf_counter()
+        with Bars("loading the compiler"):
+            compiled = compile_for(_COMPILED[part])
+        seconds = time.perf_counter() - begun
+    else:
+        from sim.loop.warmup import run_warmup
+
+        with Bars("loading the compiler") as tell:
+            seconds, compiled = run_warmup(tell, fine)
     what = f"{compiled} kernels compiled" if compiled else "everything was compiled"
     print(f"{what}, {seconds:.1f} s")

@@ -47,6 +47,15 @@ def compile_ahead(command: str) -> int:
         return sum(name.endswith(".done") for name in os.listdir(folder))
 
 
+def compile_for(command: str) -> int:
+    """Compile what a command needs, on one core, too; return how many were missing."""
+    missing = len(Compiling(command).missing())
+    if missing and not compile_ahead(command):
+        with temporary_folder() as folder:
+            compile_all(command, folder)
+    return missing
+
+
 def compile_all(command: str, folder: Path) -> list:
     """Compile what a command needs in this process alone; return its loops.
 

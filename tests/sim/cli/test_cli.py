@@ -33,6 +33,13 @@ def test_every_command_explains_itself(odm, command):
     assert code == 0 and "Usage" in out
 
 
+@pytest.mark.parametrize("part", ["run", "demo"])
+def test_a_part_is_compiled_once(odm, part):
+    assert odm("warmup", part)[0] == 0
+    code, out, _ = odm("warmup", part)
+    assert code == 0 and out.startswith("everything was compiled")
+
+
 def test_a_wrong_option_is_a_usage_error(odm):
     assert odm("info", "--nonsense")[0] == 2
     assert odm("build")[0] == 2
@@ -52,6 +59,8 @@ def test_a_wrong_option_is_a_usage_error(odm):
         ("build", "--robot", "no_such.urdf", "--tip", "tool0"),
         ("build", "demo", "--h", "-1"),
         ("bench", "nothing"),
+        ("warmup", "walk"),
+        ("warmup", "run", "--fine"),
         ("human", "info", "--height", "2.3"),
         ("human", "info", "--posture", "flying"),
         ("human", "info", "--mass", "0"),

@@ -99,6 +99,23 @@ def test_nothing_is_begun_on_one_core_or_where_all_is_compiled(monkeypatch):
     assert ahead.compile_ahead("run") == 0
 
 
+def test_on_one_core_it_is_compiled_in_this_process(monkeypatch):
+    asked = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0})
+    monkeypatch.setattr(ahead, "Compiling", lambda command: _Missing())
+    monkeypatch.setattr(ahead, "_work", lambda folder, *given: asked.append(given))
+    assert ahead.compile_for("run") == 2
+    assert asked == [("run", [])]
+    monkeypatch.setattr(ahead, "Compiling", lambda command: _Nothing())
+    assert ahead.compile_for("run") == 0
+    assert len(asked) == 1
+
+
+class _Missing:
+    def missing(self):
+        return {"a": 20.0, "b": 20.0}
+
+
 class _Nothing:
     def missing(self):
         return {}
