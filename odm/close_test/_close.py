@@ -112,6 +112,27 @@ def chord_distance2(p, a, b):
     return dx * dx + dy * dy + dz * dz
 
 
+@njit(**BARE_INNER)
+def any_beside(xyz, begin, end, chord, far2):
+    """Return True if any of the points [begin:end] is nearer to a chord; no branch.
+
+    Each distance is the one of `chord_distance2`, to the last bit.
+    """
+    flat, ((ax, ay, az), (bx, by, bz)) = xyz.reshape(-1), chord
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    length2 = ux * ux + uy * uy + uz * uz
+    found = 0
+    for p in range(np.uint64(begin), np.uint64(end)):
+        k = np.uint64(3) * p
+        px, py, pz = flat[k], flat[k + np.uint64(1)], flat[k + np.uint64(2)]
+        wx, wy, wz = px - ax, py - ay, pz - az
+        share = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) / length2))
+        s = share if length2 > 0.0 else 0.0
+        dx, dy, dz = wx - s * ux, wy - s * uy, wz - s * uz
+        found += not dx * dx + dy * dy + dz * dz >= far2
+    return found > 0
+
+
 @njit(**INNER)
 def prepare_motion(clearance, dq):
     """Fill the motion bounds of the scratch for displacement `dq`.
@@ -247,7 +268,13 @@ def body_chord(clearance, b, f, g, dt, cloud, escape):
             k = cloud.near[at]
             if box_distance2(mx, my, mz, cloud.box[k]) >= far * far:
                 continue
-            for p in range(cloud.start[k], cloud.start[k + 1]):
+            begin, end = cloud.start[k], cloud.start[k + 1]
+            if end - begin >= MANY:
+                r = radii[i] + sag
+                chord = (ax, ay, az), (bx, by, bz)
+                if not any_beside(cloud.xyz, begin, end, chord, r * r):
+                    continue
+            for p in range(begin, end):
                 px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
                 d2 = chord_distance2((px, py, pz), (ax, ay, az), (bx, by, bz))
                 r = radii[i] + sag

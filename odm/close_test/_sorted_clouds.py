@@ -5,7 +5,6 @@ from numba import njit
 
 from odm.obstacles._cloud import (
     CHUNK,
-    IS_SORTED,
     N_BAD,
     N_GIVEN,
     N_INSIDE,
@@ -39,7 +38,6 @@ def lay_out(points, cloud):
     cloud.counts[N_INSIDE] = known
     cloud.counts[N_BAD] = n - known
     sort_points(points, cloud)
-    cloud.counts[IS_SORTED] = 1
     return n - known
 
 

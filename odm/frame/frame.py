@@ -20,7 +20,7 @@ from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import IS_SORTED
+from odm.obstacles._cloud import LAYOUT, SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
@@ -384,7 +384,7 @@ class Frame:
 
     def sort(self) -> None:
         """Lay the frame's points out for the close test, unless they are."""
-        if not self.memory.cloud.counts[IS_SORTED]:
+        if self.memory.cloud.counts[LAYOUT] != SORTED:
             occupancy.sort_points(self.points, self.memory.cloud)
 
     # --- numbers about the points, for the watch -----------------------------------

@@ -24,25 +24,27 @@ class Cloud(NamedTuple):
     # block ids, the first counts[N_OCCUPIED] are valid
     occupied: np.ndarray = array("i4", "blocks", FRAME)
     slot: np.ndarray = array("i4", "blocks", FRAME)  # position in `occupied`
-    # first point of an occupied block
+    # first point of an occupied block; -1 for none where points are linked
     start: np.ndarray = array("i4", "blocks+1", FRAME)
     box: np.ndarray = array("f8", "blocks 6", FRAME)  # bounds of its points
     # scratch: squared distance of each block's box, and those that are near
     away: np.ndarray = array("f8", "blocks", FRAME)
     near: np.ndarray = array("i4", "blocks", FRAME)
     xyz: np.ndarray = array("f8", "points 3", FRAME)  # points by block
-    order: np.ndarray = array("i4", "points", FRAME)  # index each had in the input
+    # index each had in the input; where points are linked: the next of the same block
+    order: np.ndarray = array("i4", "points", FRAME)
     # block << 6 | bit of each input point, -1 outside
     where: np.ndarray = array("i4", "points", FRAME)
     # scratch: coordinates of a chunk's points, in whole cells from the corner
     steps: np.ndarray = array("i4", f"{3 * CHUNK}", FRAME)
-    # occupied blocks, points inside, outside, bad, sorted?, and of the close test: the
-    # first points, and the first occupied blocks, which hold them
+    # occupied blocks, points inside, outside, bad, how they are laid out, and of the
+    # close test: the first points, and the first occupied blocks, which hold them
     counts: np.ndarray = array("i8", "7", FRAME)
 
 
-N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, IS_SORTED = 0, 1, 2, 3, 4
-N_GIVEN, N_LISTED = 5, 6
+N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, LAYOUT, N_GIVEN, N_LISTED = range(7)
+# how points are laid out: not at all; by block; each names the next one of its block
+AS_GIVEN, SORTED, LINKED = range(3)
 
 
 @intrinsic

@@ -6,14 +6,17 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._cloud import (
+    AS_GIVEN,
     CHUNK,
-    IS_SORTED,
+    LAYOUT,
+    LINKED,
     N_BAD,
     N_GIVEN,
     N_INSIDE,
     N_LISTED,
     N_OCCUPIED,
     N_OUTSIDE,
+    SORTED,
     bits_of,
     cell_of,
 )
@@ -73,7 +76,7 @@ def mark_more(given, points, begin, end, cloud):
     cloud.counts[N_INSIDE] += inside
     cloud.counts[N_OUTSIDE] += end - begin - inside - bad
     cloud.counts[N_BAD] += bad
-    cloud.counts[IS_SORTED] = 0
+    cloud.counts[LAYOUT] = AS_GIVEN
 
 
 @njit(**INNER)
@@ -283,26 +286,29 @@ def sort_points(points, cloud):
     for k in range(n_occupied):
         begin, end = np.int64(start[k]), np.int64(start[k + 1])
         put_points(points, order, begin, end, cloud.xyz, cloud.box[k])
-    cloud.counts[IS_SORTED] = 1
+    cloud.counts[LAYOUT] = SORTED
 
 
 @njit(**INNER)
 def pick_points(pick, cloud, points):
     """Collect the points of the picked cells, by block; return their number.
 
-    Where the cloud is sorted only the points of the picked blocks are looked at.
+    Only the points of the picked blocks are looked at: the cloud is sorted, or linked
+    here.
     """
     n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_GIVEN]
     pick.counts[N_INSIDE] = 0
-    pick.counts[IS_SORTED] = 1
+    pick.counts[LAYOUT] = SORTED
     pick.counts[N_LISTED] = 0
     if n_picked == 0 or n_points == 0:
         return 0
     pick.counts[N_LISTED] = n_picked
-    if cloud.counts[IS_SORTED] == 1:
+    if cloud.counts[LAYOUT] == SORTED:
         found = pick_sorted(pick, cloud)
     else:
-        found = pick_unsorted(pick, cloud, points)
+        if cloud.counts[LAYOUT] == AS_GIVEN:
+            link_points(cloud)
+        found = pick_linked(pick, cloud, points)
     pick.counts[N_INSIDE] = found
     return found
 
@@ -331,35 +337,40 @@ def pick_sorted(pick, cloud):
 
 
 @njit(**INNER)
-def pick_unsorted(pick, cloud, points):
-    """Collect the points of the picked cells from a cloud that is not sorted."""
-    n_picked = pick.counts[N_OCCUPIED]
-    start, slot = pick.start, pick.slot
-    for k in range(n_picked + 1):
-        start[k] = 0
-    where, words, hits = cloud.where[: cloud.counts[N_GIVEN]], pick.words, pick.where
-    # each point is written down, and the next one over it unless its cell is picked
+def link_points(cloud):
+    """Let each of the marked points name the next one of its block, by its index."""
+    n_listed, start, order = cloud.counts[N_LISTED], cloud.start, cloud.order
+    where, slot = cloud.where[: cloud.counts[N_GIVEN]], cloud.slot
+    for k in range(n_listed + 1):
+        start[k] = -1
+    # the last one first, so that each names one that comes later
+    i = np.uint64(where.shape[0])
+    while i > np.uint64(0):
+        i -= np.uint64(1)
+        k = place_of(where[i], slot, n_listed)
+        order[i] = start[k]
+        start[k] = i
+    cloud.counts[LAYOUT] = LINKED
+
+
+@njit(**INNER)
+def pick_linked(pick, cloud, points):
+    """Collect the points of the picked cells from a linked cloud, block by block."""
+    n_listed, where, one = cloud.counts[N_LISTED], cloud.where, np.uint64(1)
     found = np.uint64(0)
-    for i in range(np.uint64(where.shape[0])):
-        inside, b, bit = unpacked(where[i])
-        hits[found] = i
-        found += (words[b] >> bit) & inside
-    for j in range(found):
-        start[slot[where[hits[j]] >> 6] + 1] += 1
-    for k in range(n_picked):
-        start[k + 1] += start[k]
-    for j in range(found):
-        i = hits[j]
-        k = slot[where[i] >> 6]
-        at = start[k]
-        start[k] = at + 1
-        pick.order[at] = i
-    for k in range(n_picked, 0, -1):
-        start[k] = start[k - 1]
-    start[0] = 0
-    for k in range(n_picked):
-        begin, end = np.int64(start[k]), np.int64(start[k + 1])
-        put_points(points, pick.order, begin, end, pick.xyz, pick.box[k])
+    for k in range(pick.counts[N_OCCUPIED]):
+        b, begin = pick.occupied[k], found
+        pick.start[k], word, s = begin, pick.words[b], cloud.slot[b]
+        if s < n_listed:  # else it has samples of shapes alone
+            i = cloud.start[s]
+            while i >= 0:
+                # each is written down, and the next one over it unless it is picked
+                pick.order[found] = i
+                found += (word >> np.uint64(where[i] & 63)) & one
+                i = cloud.order[i]
+        first, last = np.int64(begin), np.int64(found)
+        put_points(points, pick.order, first, last, pick.xyz, pick.box[k])
+    pick.start[pick.counts[N_OCCUPIED]] = found
     return np.int64(found)
 
 

@@ -5,7 +5,7 @@ from numba import njit
 
 from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import displacement, place_clear, set_point
-from odm.obstacles._cloud import IS_SORTED, N_LISTED, N_OCCUPIED
+from odm.obstacles._cloud import LAYOUT, N_LISTED, N_OCCUPIED, SORTED
 from odm.obstacles._occupancy import clear, pick_points, sort_points
 from odm.search._items import (
     BLOCKED,
@@ -21,14 +21,12 @@ from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 from roadmap.jit_options import INNER, LEAN
 
-SORTED_AFTER = 2  # close tests in a frame: then to sort its points costs less
-
 
 @njit(**INNER)
 def sorted_cloud(state):
     """Return the frame's points laid out for the close test: once a frame."""
     cloud = view(state, "cloud")
-    if cloud.counts[IS_SORTED] == 0:
+    if cloud.counts[LAYOUT] != SORTED:
         sort_points(view(state, "seen").points, cloud)
     return cloud
 
@@ -96,8 +94,6 @@ def pick_ref(state, ref):
         return cloud  # shapes alone
     if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
         return sorted_cloud(state)
-    if view(state, "stats").close[0] >= SORTED_AFTER:
-        sorted_cloud(state)
     picked = view(state, "picked")
     clear(picked)
     if ref >= 0:

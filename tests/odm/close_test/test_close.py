@@ -15,6 +15,7 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import N_INSIDE, N_LISTED
 from roadmap.kinematics.forward import difference
 
+any_beside = with_door(close.any_beside)
 any_within = with_door(close.any_within)
 body_chord = with_door(close.body_chord)
 list_near = with_door(close.list_near)
@@ -101,6 +102,23 @@ def test_what_is_not_a_number_is_within_any_distance(rng):
     assert any_within(xyz, 0, 50, (np.nan, 0.0, 0.0), 1e-6)
 
 
+def test_points_beside_a_chord_are_found_as_one_by_one(rng):
+    xyz = rng.uniform(-1.0, 1.0, (50, 3))
+    for k in range(60):
+        a, b = rng.uniform(-1.0, 1.0, (2, 3))
+        if k % 10 == 0:
+            b = a  # a place
+        begin, end = (0, 50) if k % 3 else (11, 38)
+        w, d = xyz[begin:end] - a, b - a
+        along = np.clip(w @ d / max(d @ d, 1e-30), 0.0, 1.0)
+        d2 = ((w - along[:, None] * d) ** 2).sum(axis=1)
+        for far2 in (0.0, d2.min() * 0.999, d2.min() * 1.001, 0.5):
+            said = any_beside(xyz, begin, end, (tuple(a), tuple(b)), far2)
+            assert said == (d2 < far2).any()
+    lost = (np.nan, 0.0, 0.0)
+    assert any_beside(xyz, 0, 50, (lost, lost), 1e-6)
+
+
 def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
     """However far its ends are from its middle, which is what blocks are listed by."""
     arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
@@ -117,6 +135,9 @@ def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
         work.body_speed[b] = np.linalg.norm(d)
         points = begin + rng.uniform(-0.3, 1.3, (rng.integers(1, 40), 1)) * d
         points += rng.normal(size=points.shape) * rng.choice([0.15, 0.4])
+        if rng.random() < 0.5:  # blocks of many points, which are measured at once
+            points = np.repeat(points[:4], 50, axis=0)
+            points += rng.uniform(-0.005, 0.005, points.shape)
         f, g = work.frames[1, b], work.frames[2, b]
         points = points[occupied_mask(small_map, points)]
         said = body_chord(clearance, b, f, g, 1.0, cloud_of(small_map, points), False)

@@ -7,7 +7,7 @@ from small import draw_arm, draw_valid
 
 import odm
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import IS_SORTED, N_LISTED
+from odm.obstacles._cloud import AS_GIVEN, LAYOUT, LINKED, N_LISTED, SORTED
 from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
@@ -82,13 +82,13 @@ def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner
         edge = int(rng.integers(roadmap.n_edges))
         a, b = nodes[roadmap.edges[edge]]
         ask = (memory.table, EDGE_BASE - edge, a, difference(robot, a, b))
-        memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
+        memory.cloud.counts[LAYOUT] = AS_GIVEN
         frees, found = [], []
-        for is_sorted in (0, 1):
-            if is_sorted:
+        for layout in (LINKED, SORTED):
+            if layout == SORTED:
                 occupancy.sort_points(points, memory.cloud)
             frees.append(part_free(*ask))
-            assert memory.cloud.counts[IS_SORTED] == is_sorted
+            assert memory.cloud.counts[LAYOUT] in (layout, AS_GIVEN)
             pick = memory.picked
             k = int(pick.counts[N_LISTED])
             end = int(pick.start[k]) if k else 0
@@ -98,15 +98,3 @@ def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner
         assert all(map(np.array_equal, *found))
         picked.append(end)
     assert sum(n > 0 for n in picked) > 10
-
-
-def test_points_are_sorted_once_a_frame_asks_for_many_tests(planner, rng):
-    points = odm.sample_capsules(draw_arm(rng), 0.03)
-    planner.step(points, q=np.zeros(planner.robot.dof))
-    memory, q = planner.memory, np.zeros(planner.robot.dof)
-    memory.stats.close[0] = memory.cloud.counts[IS_SORTED] = 0
-    sorted_at = []
-    for _ in range(judge.SORTED_AFTER + 2):
-        part_free(memory.table, EDGE_BASE, q, q)
-        sorted_at.append(int(memory.cloud.counts[IS_SORTED]))
-    assert sorted_at == [0] * judge.SORTED_AFTER + [1, 1]
