@@ -14,7 +14,7 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.geometry import _self_collision as kernels
 from roadmap.geometry._self_chords import MAX_DEPTH, Chords
-from roadmap.kinematics.forward import checked, difference
+from roadmap.kinematics.forward import checked
 from roadmap.robot.robot import Robot
 
 # Shells are proved this far apart [m].
@@ -131,31 +131,6 @@ def configuration_free(
         return True, ""
     a, b = (robot.link_names[i] for i in tested.links[pair])
     return False, f"{a} and {b} collide or are nearer than {margin:g} m"
-
-
-def motion_free(
-    robot: Robot, q_a: np.ndarray, q_b: np.ndarray, margin: float = MARGIN
-) -> tuple[bool, tuple[str, str] | None]:
-    """Say if the straight motion between two configurations is proved free.
-
-    Args:
-        robot: The robot.
-        q_a: (dof,) start [rad or m].
-        q_b: (dof,) end; a continuous joint goes the short way.
-        margin: Distance that links must keep all along [m], above 0.
-
-    Returns:
-        (True, None), or (False, (link, link)) with a pair that is not proved free.
-    """
-    q_a, q_b = checked(robot, q_a), checked(robot, q_b)
-    tested = self_collision(robot)
-    dq = difference(robot, q_a, q_b)
-    asked = tested.model, q_a, dq, margin, TOLERANCE, FINEST, tested.scratch()
-    if kernels.motion_apart(*asked):
-        return True, None
-    pair, _ = kernels.motion_clear(*asked)
-    a, b = (robot.link_names[i] for i in tested.links[pair])
-    return False, (a, b)
 
 
 def with_pairs(

@@ -44,26 +44,6 @@ def cover_balls(robot: JointTree, q: np.ndarray) -> np.ndarray:
     return balls
 
 
-def jacobian(robot: JointTree, q: np.ndarray) -> np.ndarray:
-    """Return the (6, dof) Jacobian of the tool in the base frame: linear, angular."""
-    poses = body_frames(robot, q)
-    p_tool = (poses[robot.tip_body] @ robot.T_body_tip)[:3, 3]
-    result = np.zeros((6, robot.dof))
-    body = robot.tip_body
-    while body > 0:
-        parent, joint, kind = robot.tree_i[body]
-        axis, scale = robot.tree_f[body, 12:15], robot.tree_f[body, 15]
-        z = poses[body, :3, :3] @ axis  # the axis is fixed under its own rotation
-        if kind == 1:
-            arm = p_tool - poses[body, :3, 3]
-            result[:3, joint] += scale * np.cross(z, arm)
-            result[3:, joint] += scale * z
-        elif kind == 2:
-            result[:3, joint] += scale * z
-        body = parent
-    return result
-
-
 def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
     """Return `q_to - q_from`, (..., dof); continuous joints by the shorter turn."""
     dq = np.asarray(q_to, float) - np.asarray(q_from, float)
@@ -79,30 +59,6 @@ def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
         return np.array(q, float)
     turned = (q + np.pi) % (2 * np.pi) - np.pi
     return np.where(robot.continuous, turned, q)
-
-
-def motion_bounds(robot: JointTree, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bound |p'| and |p''| of the cover's centres p while q moves along `dq`.
-
-    Args:
-        robot: The robot.
-        dq: (dof,) joint displacement [rad or m].
-
-    Returns:
-        Two (n,) arrays [m]: the largest |dp/dt| and |d2p/dt2| for t in [0, 1].
-    """
-    n = len(robot.spheres)
-    first, second = np.empty(n), np.empty(n)
-    kernels.motion_bounds(
-        robot.tree_i,
-        robot.tree_f,
-        robot.sphere_reach,
-        np.asarray(dq, float),
-        np.empty((2, len(robot.tree_i))),
-        first,
-        second,
-    )
-    return first, second
 
 
 def motion_per_joint(

@@ -17,7 +17,6 @@ from roadmap.kinematics.joint_tree import REVOLUTE
 from roadmap.transforms import flat_pose
 
 _NEAR = 1e-6  # [m] axes that come so near meet
-_STEPS = 24  # values of the free angle, over a whole turn
 
 
 def seven_of(chain: ChainArrays) -> kernels.Seven | None:
@@ -63,22 +62,12 @@ def room() -> kernels.Room:
     )
 
 
-def free_angles(arm: kernels.Seven, steps: int = _STEPS) -> np.ndarray:
+def free_angles(arm: kernels.Seven, steps: int) -> np.ndarray:
     """Return (k,) values of the free angle, evenly over its range [rad]."""
     if arm.round_wrist:
         return 2.0 * np.pi * np.arange(steps) / steps
     low, high = np.sort(arm.limits[6] * arm.scale[6, 0] + arm.scale[6, 1])
     return np.linspace(low, high, steps)
-
-
-def solutions(
-    arm: kernels.Seven, T_base_tool: np.ndarray, steps: int = _STEPS
-) -> np.ndarray:
-    """Return joints (n, 7) within limits that bring the tool to a pose (4, 4) [m]."""
-    found = np.empty((steps * kernels.MOST, 7))
-    pose = flat_pose(np.asarray(T_base_tool, float))
-    n = kernels.solve_all(arm, pose, free_angles(arm, steps), room(), found)
-    return found[:n].copy()
 
 
 def _pose(row: np.ndarray) -> np.ndarray:

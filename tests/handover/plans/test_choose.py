@@ -5,6 +5,7 @@ from itertools import takewhile
 
 import numpy as np
 import pytest
+from robot_asked import solutions
 
 import handover
 from handover.plans import _prune as kernels
@@ -12,7 +13,6 @@ from handover.plans.choose import Report, tuples
 from handover.plans.prune import prune_grasps
 from handover.plans.settings import PlanSettings
 from roadmap.kinematics._chain import dexterity, forward, jacobian
-from roadmap.kinematics.seven import solutions
 from sim.bench.handover.whole_choice import best_of, key_of, pair_of, whole_choice
 
 SETTINGS = PlanSettings(voxels=16, turns=5)

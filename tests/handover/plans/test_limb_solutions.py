@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from robot_asked import solutions
 
 import handover
 from handover.plans.limb import limb_of
-from roadmap.kinematics import seven
+from roadmap.kinematics.seven import seven_of
 
 ARMS = [("crichton", "left"), ("drchubo", "left"), ("panda", "right")]
 
@@ -25,7 +26,7 @@ def test_every_solution_is_within_limits_and_reaches_the_pose(limb):
     low, high = limb.chain.limits.T
     for q in drawn(limb, 20):
         T = limb.chain.tool_pose(q)
-        found = seven.solutions(limb.seven, T, 12)
+        found = solutions(limb.seven, T, 12)
         assert (found >= low).all() and (found <= high).all()
         for one in found:
             assert np.abs(limb.chain.tool_pose(one) - T).max() < 1e-9
@@ -34,7 +35,7 @@ def test_every_solution_is_within_limits_and_reaches_the_pose(limb):
 def test_the_configuration_behind_a_pose_is_found_again(limb):
     """The free angle is a grid: with it fine, a solution lies beside any posture."""
     for q in drawn(limb, 5, seed=3):
-        found = seven.solutions(limb.seven, limb.chain.tool_pose(q), 720)
+        found = solutions(limb.seven, limb.chain.tool_pose(q), 720)
         away = np.abs(found - q)
         assert np.minimum(away, 2.0 * np.pi - away).max(axis=1).min() < 0.1
 
@@ -42,7 +43,7 @@ def test_the_configuration_behind_a_pose_is_found_again(limb):
 def test_a_pose_out_of_reach_has_no_solution(limb):
     T = np.eye(4)
     T[:3, 3] = 3.0, 0.0, 0.0
-    assert len(seven.solutions(limb.seven, T)) == 0
+    assert len(solutions(limb.seven, T)) == 0
 
 
 def test_the_last_joint_of_panda_is_its_free_angle():
@@ -55,6 +56,6 @@ def test_other_chains_have_no_closed_form():
     arrays = limb_of(handover.load_agent("crichton"), "left").chain.arrays
     bent = arrays.fixed.copy()
     bent[5, 9] += 0.01  # axes five and six no longer meet
-    assert seven.seven_of(arrays._replace(fixed=bent)) is None
+    assert seven_of(arrays._replace(fixed=bent)) is None
     fewer = arrays._replace(kind=arrays.kind[:6])
-    assert seven.seven_of(fewer) is None
+    assert seven_of(fewer) is None

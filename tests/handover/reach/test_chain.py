@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from doors import with_door
 from reach_chains import person_pose, slow_dexterity
+from robot_asked import jacobian
 
 from handover import chain_of
 from handover.reach._reach_touch import touches_itself
@@ -16,7 +17,7 @@ from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import configuration_free
 from roadmap.kinematics import _chain as kernels
 from roadmap.kinematics._forward import body_frames
-from roadmap.kinematics.forward import jacobian, tool_pose
+from roadmap.kinematics.forward import tool_pose
 
 sine_cosine = with_door(kernels.sine_cosine)
 to_lattice = with_door(kernels.to_lattice)

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robot_asked import motion_free
 
 import odm
 from odm.audit.audit import audit
 from odm.cell_map.recipe import load_recipe, recipe_names
 from roadmap import load_robot, robot_names
-from roadmap.geometry.self_collision import motion_free
 from roadmap.kinematics.forward import body_frames, difference
 from roadmap.robot.known import known_robot
 

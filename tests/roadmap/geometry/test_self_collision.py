@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from doors import with_door
+from robot_asked import motion_free
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
@@ -13,7 +14,6 @@ from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry.self_collision import (
     MARGIN,
     configuration_free,
-    motion_free,
     self_collision,
 )
 from roadmap.kinematics.forward import body_frames, difference

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
 from doors import with_door
+from robot_asked import motion_bounds
 
 from roadmap.kinematics import _deviation as kernels
-from roadmap.kinematics.forward import body_frames, motion_bounds, sphere_centers
+from roadmap.kinematics.forward import body_frames, sphere_centers
 from roadmap.motion.blending import (
     BLEND_DEVIATION,
     blend_length,

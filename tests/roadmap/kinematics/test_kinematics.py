@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
+from robot_asked import jacobian, motion_bounds
 
 from roadmap import load_robot, tool_pose
 from roadmap.kinematics.forward import (
     body_frames,
     cover_balls,
     difference,
-    jacobian,
-    motion_bounds,
     sphere_centers,
 )
 

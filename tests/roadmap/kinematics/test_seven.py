@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from robot_asked import solutions
 
 from roadmap.kinematics._chain import ChainArrays, forward
 from roadmap.kinematics.joint_tree import REVOLUTE
-from roadmap.kinematics.seven import seven_of, solutions
+from roadmap.kinematics.seven import seven_of
 from roadmap.kinematics.tool_chain import tool_chain
 from roadmap.transforms import flat_pose, pose_of
 

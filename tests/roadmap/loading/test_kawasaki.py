@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from robot_asked import motion_free
 
 from roadmap import load_robot, tool_pose
-from roadmap.geometry.self_collision import motion_free
 from roadmap.kinematics.forward import body_frames
 
 # standard Denavit-Hartenberg: a [m], alpha [deg], d [m], offset of theta [deg]
