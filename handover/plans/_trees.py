@@ -14,7 +14,7 @@ from numba import njit
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
 from roadmap._rows import copy_row
-from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
+from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch
@@ -34,13 +34,6 @@ class Trees(NamedTuple):
     ends: np.ndarray  # (2,) which start and which goal it joins
     tests: np.ndarray  # (1,) motions tested
     sample: np.ndarray  # (3, dof)
-
-
-@njit(**WITHIN_INNER)
-def put(out, q):
-    """Copy joints."""
-    for j in range(q.shape[0]):
-        out[j] = q[j]
 
 
 @njit(**BARE_INNER)
@@ -125,8 +118,8 @@ def connect(space, trees, starts, goals, limits, n_arm, budget, tolerance, scrat
         trees.count[side] = roots.shape[0]
         for i in range(roots.shape[0]):
             trees.parent[side, i] = -1
-            put(trees.q[side, i], roots[i])
-    put(trees.sample[0], starts[0])  # the hand's joints
+            copy_row(roots[i], trees.q[side, i])
+    copy_row(starts[0], trees.sample[0])  # the hand's joints
     number = 0
     while trees.tests[0] < budget:
         number += 1
@@ -163,8 +156,8 @@ def straight(space, trees, starts, goals, tolerance, scratch):
             return False
         last, i, j = best, at // n, at % n
         if passes(space, trees, starts[i], goals[j], tolerance, scratch):
-            put(trees.route[0], starts[i])
-            put(trees.route[1], goals[j])
+            copy_row(starts[i], trees.route[0])
+            copy_row(goals[j], trees.route[1])
             trees.corners[0], trees.ends[0], trees.ends[1] = 2, i, j
             return True
     return False
@@ -186,13 +179,13 @@ def write_route(trees, a, new, other):
         return False
     k, i = n - 1, first
     while i >= 0:
-        put(trees.route[k], trees.q[0, i])
+        copy_row(trees.q[0, i], trees.route[k])
         trees.ends[0] = i
         i = trees.parent[0, i]
         k -= 1
     k, i = n - 1, last
     while i >= 0:
-        put(trees.route[k], trees.q[1, i])
+        copy_row(trees.q[1, i], trees.route[k])
         trees.ends[1] = i
         i = trees.parent[1, i]
         k += 1

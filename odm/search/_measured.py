@@ -25,9 +25,8 @@ from odm.close_test._slack import (
     piece_spare,
 )
 from odm.obstacles._cloud import N_LISTED
-from odm.search._off_path import motion_deviation
+from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._state import view
-from roadmap.geometry._segments import nearest_share
 from roadmap.jit_options import INNER
 from roadmap.kinematics._forward import body_frames
 

@@ -9,7 +9,6 @@ import math
 from numba import njit
 
 from odm.search._state import view
-from roadmap.geometry._segments import nearest_share
 from roadmap.jit_options import INNER
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
@@ -115,3 +114,15 @@ def deviation_at(state, path, k, share, q, nearby):
         work.speed,
     )
     return legs_deviation(cover, work.point, robot.scratch_q, share, robot.dq, scratch)
+
+
+@njit(**INNER)
+def nearest_share(a, b, p):
+    """Return the share of the segment from a to b that is nearest to p, (n,) each."""
+    along = 0.0
+    length2 = 0.0
+    for j in range(p.shape[0]):
+        d = b[j] - a[j]
+        along += (p[j] - a[j]) * d
+        length2 += d * d
+    return min(1.0, max(0.0, along / length2)) if length2 > 0.0 else 0.0

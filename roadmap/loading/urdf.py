@@ -9,11 +9,11 @@ from roadmap.loading.assembly import Parts, assemble
 from roadmap.loading.body_tree import build_tree
 from roadmap.loading.finger_chain import Carried, carried_links
 from roadmap.loading.fingers import finger_joints
+from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.loading.travel import check_travel, check_width, radii_of
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, own_file, robot_file
 from roadmap.robot.robot import Robot
-from roadmap.robot.srdf import read_disabled_pairs
 
 _COARSEST = 1.0  # [m] excess of a cover that nobody uses
 _AN_ARM = 3  # moving joints of what may be meant to carry a hand, at least

@@ -8,9 +8,8 @@ from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
 import odm
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
-from odm.search._off_path import motion_deviation
+from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._paths import is_on
-from roadmap.geometry._segments import nearest_share
 from roadmap.kinematics.forward import sphere_centers
 
 is_on = with_door(is_on)
