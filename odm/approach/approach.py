@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.answer import Freedom
 from odm.approach.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.approach.legs import LegTest, Tested
 from odm.approach.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
@@ -90,25 +89,6 @@ class Approacher:
         return Approach(
             followed.q, followed.error_m, followed.error_rad, fine=fine, **work
         )
-
-    def leg_free(self, q_a: np.ndarray, q_b: np.ndarray) -> Freedom:
-        """Test a straight joint motion as approaches are tested.
-
-        As `ReactivePlanner.is_free`, but where the map's cover says no the finer one
-        decides, if the settings allow that.
-        """
-        frame = self.frame
-        free = is_free(frame, q_a, q_b)
-        if (
-            free
-            or free.failed not in ("scenery", "frame")
-            or not self.settings.use_fine_cover
-        ):
-            return free
-        self.legs.look()
-        q_a = np.array(q_a, float)
-        tested = self.legs.by_fine(q_a, frame.difference(q_a, q_b))
-        return Freedom(not tested.failed, tested.failed or None, tested.text)
 
     # --- inside ----------------------------------------------------------------
 

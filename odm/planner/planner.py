@@ -34,11 +34,11 @@ from odm.checks import (
     goals_of,
 )
 from odm.close_test.static import StaticTest
-from odm.frame.braking import PathTest
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Cover, Frame
 from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
+from odm.frame.path_test import PathTest
 from odm.frame.place import place_points
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles.obstacles import Obstacles
