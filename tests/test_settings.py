@@ -18,9 +18,9 @@ from handover.targets.settings import (
 )
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
-from odm.execution.executor import ExecutionSettings
 from odm.execution.settings import (
     AheadSettings,
+    ExecutionSettings,
     FollowSettings,
     IntentSettings,
     LookoutSettings,

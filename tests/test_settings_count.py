@@ -12,9 +12,10 @@ from handover.plans.mover import Mover, solver_of
 from handover.plans.settings import ProofSettings, SolveSettings
 from handover.targets.allowance import Allowance
 from handover.targets.settings import AllowanceSettings
-from odm.execution.executor import ExecutionSettings, Executor
+from odm.execution.executor import Executor
 from odm.execution.lookout import Lookout
 from odm.execution.settings import (
+    ExecutionSettings,
     FollowSettings,
     LookoutSettings,
     PaceSettings,

@@ -18,13 +18,12 @@ the planner plans from there, and tests the first leg in full.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from odm.execution.lookout import Lookout, SeparationWatch
-from odm.execution.settings import PaceSettings
+from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
 from odm.execution.threat import Moving, Threat
@@ -33,83 +32,11 @@ from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
-from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
 _TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
-
-
-@dataclass(frozen=True)
-class ExecutionSettings:
-    """Settings of the execution: speeds, blends, commit point and retreats.
-
-    Attributes:
-        speed_scale: Share of the joints' speed limits the robot uses.
-        retreat_scale: The same while it retreats.
-        yields: Whether a robot gets out of the way of who comes at it, as far as its
-            stop passes the braking test; else it stands and is come to.
-        yield_scale: Share of the joints' speed limits that it then uses: less makes it
-            be touched more often, `odm bench motions`.
-        blend: Corners are rounded within this [m], but never within more than the
-            map's blending share of m.
-        commit_delay_s: A new path begins where the robot would stand if it began to
-            stop this much later [s]. More: corners have more length to be rounded on,
-            and the robot answers later.
-        min_retreat_separation: No backing off where the separation, extrapolated by
-            two frames, is below this [m].
-        yield_gap: Who comes is evaded only as far as the links themselves keep this
-            from them until a stop is over [m]. Less: it goes on where a person is
-            within the cover, and is touched while it moves by who speeds up by more
-            than is assumed.
-        encoder_error: Bound on the position error of any robot point that the encoders
-            cause [m]; it is taken off the tracking share of m. It cannot be measured
-            here, so the caller has to know it.
-        hold_delay_s: A robot that moves begins to hold so much later than the planner
-            says so [s], while its path up to the end of a stop is free of all that the
-            frame has, and of where the person may come. More: it goes on past a goal
-            that is taken for a moment, and nearer to one that stays taken. Less: beside
-            a hand that trembles it stops and starts anew at each tremble.
-        levels: Levels of speed, of which the braking test lets it use the fastest.
-        lower: Each is this share of the one above. More, or levels nearer to each
-            other: it loses less speed to somebody far away, and needs more frames to
-            slow down for somebody near.
-    """
-
-    speed_scale: float = 0.5
-    retreat_scale: float = 0.25
-    yields: bool = True
-    yield_scale: float = 1.0
-    blend: float = 0.004
-    commit_delay_s: float = 0.05
-    min_retreat_separation: float = 0.022
-    yield_gap: float = 0.005
-    encoder_error: float = 0.0
-    hold_delay_s: float = 0.2
-    levels: int = 5
-    lower: float = 0.6
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "speed_scale": (1e-6, 1.0, ""),
-            "retreat_scale": (1e-6, 1.0, ""),
-            "yield_scale": (1e-6, 1.0, ""),
-            "blend": (0.0, 1.0, "m"),
-            "commit_delay_s": (0.0, 10.0, "s"),
-            "min_retreat_separation": (0.0, np.inf, "m"),
-            "yield_gap": (0.0, 0.1, "m"),
-            "encoder_error": (0.0, 0.1, "m"),
-            "hold_delay_s": (0.0, 10.0, "s"),
-            "levels": (1, 100, ""),
-            "lower": (0.01, 0.99, ""),
-        }
-        check_settings(self, ranges, ("levels",))
-
-    @property
-    def slowest_scale(self) -> float:
-        """Share of the joints' speed limits of the slowest level that it uses."""
-        return self.speed_scale * self.lower ** (self.levels - 1)
 
 
 class Executor:

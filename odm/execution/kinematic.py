@@ -4,14 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from odm.execution.executor import (
-    MOVING,
-    RETREATING,
-    STANDING,
-    ExecutionSettings,
-)
+from odm.execution.executor import MOVING, RETREATING, STANDING
 from odm.execution.lookout import SeparationWatch
-from odm.execution.settings import PaceSettings
+from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.threat import Moving
 from roadmap.arrays import frozen
 from roadmap.kinematics.forward import difference, wrapped

@@ -5,12 +5,13 @@ all times of it (design, step 7; `odm.execution.threat` proves that they do).
 """
 
 import math
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from odm.execution.settings import StopTestSettings
-from odm.execution.threat import Moving, Threat
+from odm.execution.settings import ExecutionSettings, PaceSettings, StopTestSettings
+from odm.execution.threat import Moving, Threat, ThreatSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
@@ -163,3 +164,26 @@ def stop_time(robot: Robot, speed_scale: float, period: float) -> float:
         speed >= a * a / jerk, speed / a + a / jerk, 2.0 * (speed / jerk) ** 0.5
     )
     return period + float(times.max())
+
+
+def slowest_stop(
+    robot: Robot, settings: ExecutionSettings, period: float, threat: ThreatSettings
+) -> tuple[float, float]:
+    """Return how long the shortest stop takes [s], and how far somebody comes [m].
+
+    A robot that is slowed down for a person uses its slowest level of speed. The joint
+    that takes longest to stop from there counts, by its limits of acceleration and
+    jerk, after one more period; the person stands before, as far as the sensor can
+    tell, and starts off as hard as is assumed of them. Nearer to them than that, and
+    the clearance, it does not get: it brakes as soon as it has begun to move.
+
+    Args:
+        robot: The robot.
+        settings: Of its execution.
+        period: Time between frames [s].
+        threat: What is assumed of the person, and of the sensor.
+    """
+    time = stop_time(robot, settings.slowest_scale, period)
+    if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
+        threat = replace(threat, jerk=0.0)
+    return time, threat.strays(time, period)

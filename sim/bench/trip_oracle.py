@@ -29,7 +29,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from odm import ReactivePlanner
 from odm.audit.exact import ExactRobot, capsule_obstacles
-from odm.execution.executor import ExecutionSettings
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, Watcher
 from roadmap.kinematics.forward import difference
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.execution.executor import RETREATING, ExecutionSettings, Executor
+from odm.execution.executor import RETREATING, Executor
 from odm.execution.kinematic import KinematicMover
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen

@@ -16,8 +16,8 @@ from handover.targets.put_down import carries
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
-from odm.execution.executor import ExecutionSettings
-from odm.execution.slowest_stop import slowest_stop
+from odm.execution.settings import ExecutionSettings
+from odm.execution.stop_test import slowest_stop
 from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box

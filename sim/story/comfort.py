@@ -14,7 +14,7 @@ import numpy as np
 
 from handover.human.body import Part
 from odm.execution.executor import Executor
-from odm.execution.slowest_stop import slowest_stop
+from odm.execution.stop_test import slowest_stop
 from odm.execution.threat import ThreatSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps

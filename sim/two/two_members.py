@@ -7,8 +7,9 @@ import numpy as np
 
 from odm.answer import HOLDING
 from odm.cell_map.cell_map import CellMap
-from odm.execution.executor import ExecutionSettings, Executor
+from odm.execution.executor import Executor
 from odm.execution.robot_threat import Intent, intent_of
+from odm.execution.settings import ExecutionSettings
 from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput

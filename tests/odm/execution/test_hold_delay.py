@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.executor import STANDING, ExecutionSettings, Executor
+from odm.execution.executor import STANDING, Executor
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Watcher
 from roadmap.kinematics.forward import cover_balls
 from roadmap.transforms import pose_of

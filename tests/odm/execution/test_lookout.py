@@ -5,7 +5,8 @@ import pytest
 from small import draw_valid
 
 import odm
-from odm.execution.executor import RETREATING, ExecutionSettings, Executor
+from odm.execution.executor import RETREATING, Executor
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.kinematics.forward import sphere_centers
 

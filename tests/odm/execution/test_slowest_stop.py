@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from odm.execution.executor import ExecutionSettings, Executor
-from odm.execution.settings import PaceSettings
-from odm.execution.slowest_stop import slowest_stop
-from odm.execution.stop_test import stop_time
+from odm.execution.executor import Executor
+from odm.execution.settings import ExecutionSettings, PaceSettings
+from odm.execution.stop_test import slowest_stop, stop_time
 from odm.execution.threat import ThreatSettings, Watcher
 from roadmap.motion.motion import time_path
 

@@ -9,7 +9,8 @@ import pytest
 from naive_speed import naive_share
 
 from odm.execution._speed import allowed_share
-from odm.execution.executor import ExecutionSettings, Executor
+from odm.execution.executor import Executor
+from odm.execution.settings import ExecutionSettings
 from odm.execution.speed_limit import SpeedLimit, SpeedSettings
 from odm.execution.threat import Watcher
 from roadmap.geometry.gaps import ball_gaps

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.executor import (
-    BRAKED,
-    RETREATING,
-    STANDING,
-    ExecutionSettings,
-    Executor,
-)
+from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
 from odm.execution.kinematic import KinematicMover
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.motion.blending import joint_motion_bounds

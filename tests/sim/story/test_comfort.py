@@ -8,7 +8,7 @@ from small import AWAY, HOME, NOBODY
 import odm
 from handover import Human
 from handover.human.body import Part
-from odm.execution.executor import ExecutionSettings
+from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import ThreatSettings, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import sphere_centers

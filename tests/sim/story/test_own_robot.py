@@ -15,7 +15,7 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.slowest_stop import slowest_stop
+from odm.execution.stop_test import slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
