@@ -146,9 +146,9 @@ def _cells(row: dict) -> tuple[str, ...]:
         return row["name"], asked, _value(row), "", "", "", _yes(row["met"])
     if row["wall"] is None:
         return row["name"], asked, "no frames", "", "", "", ""
-    wall = [_time(row["wall"][k]) for k in ("p50", "p99", "max")]
+    wall = [us_text(row["wall"][k]) for k in ("p50", "p99", "max")]
     cpu = row["cpu"]
-    busy = "" if cpu is None else f"{_time(cpu['p50'])} / {_time(cpu['p99'])}"
+    busy = "" if cpu is None else f"{us_text(cpu['p50'])} / {us_text(cpu['p99'])}"
     met = _yes(row["met"])
     if row["met"] is False and row["met_cpu"]:
         met = "by CPU time"
@@ -161,7 +161,7 @@ def _limit(row: dict, share: str, limit: float) -> str:
     if "value" in row:
         sign = "<=" if share == "most" else ">="
         return f"{sign} {limit:g} {row['unit']}".strip()
-    return f"{share} <= {_time(limit)}"
+    return f"{share} <= {us_text(limit)}"
 
 
 def _value(row: dict) -> str:
@@ -174,7 +174,8 @@ def _value(row: dict) -> str:
     return f"{text} {row['unit']}".strip()
 
 
-def _time(us: float) -> str:
+def us_text(us: float) -> str:
+    """Return a time that is given in us, in the unit that reads best."""
     if us >= 1e6:
         return f"{us / 1e6:.3g} s"
     if us >= 1e3:

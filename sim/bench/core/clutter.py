@@ -144,8 +144,7 @@ class _Bench:
             self.ompl = None
 
     def solve(self, scene: Scene) -> Tried:
-        rows = [np.r_[b.T_base_shape[:3].ravel(), b.size] for b in scene.boxes]
-        obstacles = Obstacles(boxes=np.array(rows))
+        obstacles = Obstacles.of(scene.boxes)
         planner, clock, calls = self.planner, Clock(), 0
         planner.reset()
         self.set_goals(planner.set_goals, [scene.q_goal])

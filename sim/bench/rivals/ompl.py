@@ -172,10 +172,21 @@ class OmplPlanner:
     def solve(self, pair: Pair, rods: np.ndarray, limit_s: float) -> np.ndarray | None:
         """Plan one frame from scratch; the simplified path (k, dof) or None."""
         self.checker.set_obstacles(rods)
+        return self.planned(pair.q_start, pair.q_goal, limit_s)
+
+    def planned(
+        self,
+        q_start: np.ndarray,
+        q_goal: np.ndarray,
+        limit_s: float,
+        kind: str = "RRT-Connect",
+    ) -> np.ndarray | None:
+        """Plan among the checker's obstacles by RRT-Connect or PRM, as `solve`."""
         setup = self.geometric.SimpleSetup(self.space)
         setup.setStateValidityChecker(self._valid)
-        setup.setStartAndGoalStates(self._state(pair.q_start), self._state(pair.q_goal))
-        setup.setPlanner(self.geometric.RRTConnect(setup.getSpaceInformation()))
+        setup.setStartAndGoalStates(self._state(q_start), self._state(q_goal))
+        made = {"RRT-Connect": self.geometric.RRTConnect, "PRM": self.geometric.PRM}
+        setup.setPlanner(made[kind](setup.getSpaceInformation()))
         setup.solve(limit_s)
         if not setup.haveExactSolutionPath():
             return None

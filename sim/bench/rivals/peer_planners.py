@@ -65,8 +65,7 @@ class Ours:
         self.planner.reset()
         self.planner.set_goals([case.q_goal])
         first = case.frames[0]
-        rows = [np.r_[b.T_base_shape[:3].ravel(), b.size] for b in first.boxes]
-        boxes = np.array(rows).reshape(-1, 15)
+        boxes = Obstacles.of(first.boxes).boxes
         self.obstacles = Obstacles(capsules=len(first.rods), boxes=boxes)
         if case.kind != CLUTTER:
             self.path(first)
@@ -151,18 +150,7 @@ class Ompl(OmplPlanner):
     def path(self, frame: Frame) -> np.ndarray | None:
         """Plan one frame from scratch."""
         self.checker.set_frame(frame)
-        setup = self.geometric.SimpleSetup(self.space)
-        setup.setStateValidityChecker(self._valid)
-        ends = (self._state(q) for q in (self.case.q_start, self.case.q_goal))
-        setup.setStartAndGoalStates(*ends)
-        made = {"RRT-Connect": self.geometric.RRTConnect, "PRM": self.geometric.PRM}
-        setup.setPlanner(made[self.kind](setup.getSpaceInformation()))
-        setup.solve(LIMIT_S)
-        if not setup.haveExactSolutionPath():
-            return None
-        setup.simplifySolution()
-        states = setup.getSolutionPath().getStates()
-        return np.array([[s[j] for j in range(self.robot.dof)] for s in states])
+        return self.planned(self.case.q_start, self.case.q_goal, LIMIT_S, self.kind)
 
     def after(self) -> None:
         """Do nothing."""

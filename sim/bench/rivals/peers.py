@@ -32,7 +32,7 @@ from sim.bench.rivals.peer_planners import (
 )
 from sim.bench.rivals.peer_vamp import Vamp, VampMissing
 from sim.tables.header import header
-from sim.tables.table import value_row
+from sim.tables.table import us_text, value_row
 
 STEP = 0.002  # [m] what the judge may be wrong by
 FAR = 0.1  # [m] clearance beyond which nobody asks
@@ -280,19 +280,13 @@ def _tables(found: list[Asked], missing: dict[str, str]) -> list[dict]:
 def _row(one: Asked) -> tuple[str, ...]:
     if not one.wall:
         return one.name, "0", *[""] * 8
-    wall = [_time(np.percentile(one.wall, p)) for p in (50, 99, 100)]
+    wall = [us_text(np.percentile(one.wall, p)) for p in (50, 99, 100)]
     share = f"{100 * np.mean(one.solved):.0f} %"
     some = f"{np.median(one.lengths):.2f}" if one.lengths else "-"
     turns = f"{100 * np.mean(one.changed):.0f} %" if one.changed else "-"
     near = f"{100 * min(one.nearest, FAR):.2f}" if one.lengths else "-"
     contact = f"{one.touching}/{len(one.lengths)}"
     return one.name, str(len(one.wall)), *wall, share, some, turns, contact, near
-
-
-def _time(us: float) -> str:
-    if us >= 1e6:
-        return f"{us / 1e6:.3g} s"
-    return f"{us / 1e3:.3g} ms" if us >= 1e3 else f"{us:.3g} us"
 
 
 def _rows(found: list[Asked], judge: Judge) -> list[dict]:

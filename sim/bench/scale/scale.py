@@ -266,8 +266,7 @@ def _size(
 
 def _solve(planner: ReactivePlanner, scene: Scene) -> tuple[np.ndarray | None, float]:
     """Return the path through a scene, or None, and the time until then [ms]."""
-    rows = [np.r_[b.T_base_shape[:3].ravel(), b.size] for b in scene.boxes]
-    obstacles, clock, calls = Obstacles(boxes=np.array(rows)), Clock(), 0
+    obstacles, clock, calls = Obstacles.of(scene.boxes), Clock(), 0
     planner.reset()
     planner.set_goals([scene.q_goal])
     answer = clock(planner.step, obstacles, q=scene.q_start)
