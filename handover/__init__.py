@@ -2,12 +2,7 @@
 
 from handover.chain import Chain, chain_of
 from handover.grasps.agents import Agent, AgentArm, Posture, agent_names, load_agent
-from handover.grasps.arm_choice import (
-    ArmChoice,
-    ArmReach,
-    build_arm_reach,
-    choose_arm,
-)
+from handover.grasps.arm_reach import ArmReach, build_arm_reach
 from handover.grasps.grasp_build import GraspSettings, build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import Hand, load_hand
@@ -48,7 +43,6 @@ __all__ = [
     "Agent",
     "AgentArm",
     "Arm",
-    "ArmChoice",
     "ArmReach",
     "ArmSolutions",
     "ArmState",
@@ -94,7 +88,6 @@ __all__ = [
     "build_grasps",
     "build_reach_map",
     "chain_of",
-    "choose_arm",
     "find_handover",
     "hand_names",
     "human_from_joints",

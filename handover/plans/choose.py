@@ -12,7 +12,7 @@ from itertools import count
 
 import numpy as np
 
-from handover.grasps.arm_choice import ArmReach, build_arm_reach
+from handover.grasps.arm_reach import ArmReach, build_arm_reach
 from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb

@@ -1,11 +1,10 @@
-"""Which arm takes the object: reachability with average manipulability by voxel.
+"""How well an arm reaches: average manipulability by voxel.
 
 As [Huaman2014], section IV-A: many random configurations of each arm, and in each
 voxel the average manipulability of those whose tool centre point lies in it; 0 where
 none does.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from handover.chain import Chain
 from handover.grasps._arm_reach import tools_and_jacobians
 from roadmap.arrays import frozen
-from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
 _CHUNK = 20_000  # configurations at a time
@@ -52,21 +50,6 @@ class ArmReach:
         return float(np.linalg.norm(middles - point, axis=1).min())
 
 
-@dataclass(frozen=True)
-class ArmChoice:
-    """Which arm to use.
-
-    Attributes:
-        arm: Its name, None where no arm reaches.
-        entries: Average manipulability of each arm at the object, 0: not reached.
-        reason: Why, in a sentence.
-    """
-
-    arm: str | None
-    entries: Mapping[str, float]
-    reason: str
-
-
 def build_arm_reach(
     chain: Chain,
     name: str = "",
@@ -103,43 +86,6 @@ def build_arm_reach(
         points.append(some)
         values.append(_manipulability(jac))
     return _by_voxel(name or chain.name, np.concatenate(points), values, cell)
-
-
-def choose_arm(reaches: Mapping[str, ArmReach], point: np.ndarray) -> ArmChoice:
-    """Choose the arm that reaches a point best.
-
-    Args:
-        reaches: Of each arm, all in the same base frame.
-        point: (3,) where the object is, base frame [m].
-
-    Returns:
-        The only arm that reaches it, the better of several, or none; with the reason.
-    """
-    point = np.asarray(point, float)
-    if not reaches or point.shape != (3,) or not np.isfinite(point).all():
-        raise BadInput(
-            f"an arm is chosen for {point!r} among {list(reaches)}; give a finite (3,) "
-            "point and at least one arm"
-        )
-    entries = {name: reach.at(point) for name, reach in reaches.items()}
-    able = [name for name, entry in entries.items() if entry > 0.0]
-    place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
-    if not able:
-        gaps = {name: reach.gap(point) for name, reach in reaches.items()}
-        near = min(gaps, key=gaps.__getitem__)
-        return ArmChoice(
-            None,
-            entries,
-            f"no arm reaches {place}; {near} comes within {gaps[near]:.2f} m: bring "
-            "the object or the base nearer by that much",
-        )
-    best = max(able, key=entries.__getitem__)
-    if len(able) == 1:
-        return ArmChoice(best, entries, f"only {best} reaches {place}")
-    told = ", ".join(f"{name} {entries[name]:.3g}" for name in able)
-    return ArmChoice(
-        best, entries, f"{best} has the most average manipulability at {place}: {told}"
-    )
 
 
 def _manipulability(jac: np.ndarray) -> np.ndarray:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from handover import chain_of, load_agent
-from handover.grasps.arm_choice import ArmReach, build_arm_reach, choose_arm
-from roadmap.errors import BadInput
+from handover.grasps.arm_reach import ArmReach, build_arm_reach
+from handover.plans import choose
 from roadmap.kinematics.forward import tool_pose
 
 
@@ -19,27 +19,28 @@ BOTH = {"left": grid("left", [0, 1, 1, 2, 0]), "right": grid("right", [0, 0, 2, 
 
 
 @pytest.mark.parametrize(
-    ("x", "arm", "told"),
+    ("x", "size", "arms", "told"),
     [
-        (1.5, "left", "only left reaches"),
-        (4.5, "right", "only right reaches"),
-        (2.5, "right", "right has the most average manipulability"),
-        (3.5, "left", "left has the most average manipulability"),
-        (0.1, None, "no arm reaches"),
-        (-3.0, None, "left comes within 4.50 m"),
+        (1.5, 0.0, ["left"], "only the left arm"),
+        (1.5, 1.0, ["left", "right"], "only the left arm"),  # it may come to an end
+        (4.5, 0.0, ["right"], "only the right arm"),
+        (2.5, 0.0, ["right", "left"], "the right arm: manipulability"),
+        (3.5, 0.0, ["left", "right"], "the left arm: manipulability"),
+        (0.1, 0.0, [], "no arm reaches"),
+        (0.1, 2.0, ["left"], "1.40 m, which is less than the thing is long"),
+        (-3.0, 0.0, [], "the left one comes within 4.50 m"),
     ],
 )
-def test_the_outcomes_of_the_paper(x, arm, told):
-    choice = choose_arm(BOTH, [x, 0.5, 0.5])
-    assert choice.arm == arm and told in choice.reason
-    assert set(choice.entries) == {"left", "right"}
+def test_the_outcomes_of_the_paper(x, size, arms, told, monkeypatch):
+    found, text = in_order(BOTH, [x, 0.5, 0.5], monkeypatch, size)
+    assert found == arms and told in text
 
 
-def test_a_point_that_is_none_is_refused():
-    with pytest.raises(BadInput, match=r"finite \(3,\) point"):
-        choose_arm(BOTH, [np.nan, 0, 0])
-    with pytest.raises(BadInput, match="at least one arm"):
-        choose_arm({}, [0, 0, 0])
+def in_order(reaches, point, monkeypatch, size=0.0):
+    """Return what `arms_in_order` makes of arms that reach like this."""
+    monkeypatch.setattr(choose, "reach_of", lambda limb, solve: reaches[limb])
+    mounts = {side: np.eye(4) for side in reaches}
+    return choose.arms_in_order({s: s for s in reaches}, mounts, np.array(point), size)
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +56,12 @@ def crichton():
     }
 
 
-def test_crichton_takes_with_the_arm_on_that_side(crichton):
+def test_crichton_takes_with_the_arm_on_that_side(crichton, monkeypatch):
     reaches = {side: reach for side, (_, reach) in crichton.items()}
-    assert choose_arm(reaches, [0.2, 0.9, 1.0]).arm == "left"
-    assert choose_arm(reaches, [0.2, -0.9, 1.0]).arm == "right"
-    far = choose_arm(reaches, [2.0, 0.0, 1.0])
-    assert far.arm is None and "no arm reaches (2.00, 0.00, 1.00) m" in far.reason
+    assert in_order(reaches, [0.2, 0.9, 1.0], monkeypatch)[0][0] == "left"
+    assert in_order(reaches, [0.2, -0.9, 1.0], monkeypatch)[0][0] == "right"
+    arms, why = in_order(reaches, [2.0, 0.0, 1.0], monkeypatch)
+    assert arms == [] and "no arm reaches (2.00, 0.00, 1.00) m" in why
 
 
 def test_the_entry_is_the_average_over_the_voxel(crichton):
