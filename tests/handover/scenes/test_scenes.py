@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from person_agent import arm_joint, person_urdf
 
 import handover
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from handover.scenes.agent_body import agent_body, upright
 from handover.scenes.paper import PAPER_SCENES, butler, kneeling, stool
-from handover.scenes.person import arm_joint, person_urdf
 from handover.scenes.scene import Scene
 from handover.scenes.start_check import check_start, start_distances
 from roadmap import load_robot

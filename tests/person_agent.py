@@ -1,10 +1,12 @@
 """A person as an agent: the URDF of a `Human`, with a hand that can grasp.
 
-`maps/person.urdf` is what `person_urdf(1.75)` writes. The seven joints of each arm are
-those of `handover.human.human_arm`, so `Human` and agent agree in every angle; a test
-says so. The body is that of mean thickness: a hand that takes something cannot be the
-conservative capsule around it.
+`python tests/person_agent.py` writes `maps/person.urdf`, of 1.75 m. The seven joints of
+each arm are those of `handover.human.human_arm`, so `Human` and agent agree in every
+angle; a test says so. The body is that of mean thickness: a hand that takes something
+cannot be the conservative capsule around it.
 """
+
+from pathlib import Path
 
 import numpy as np
 
@@ -52,7 +54,7 @@ def person_urdf(height: float = HEIGHT) -> str:
     arms = {side: np.zeros(7) for side in SIDES}
     pelvis = np.eye(4)
     human = Human(height, arms=arms, thickness="mean", T_world_pelvis=pelvis)
-    lines = ['<?xml version="1.0"?>', "<!-- Written by handover.scenes.person. -->"]
+    lines = ['<?xml version="1.0"?>', "<!-- Written by tests/person_agent.py. -->"]
     lines += ['<robot name="person">']
     trunk = [
         rod
@@ -221,3 +223,8 @@ def _hinge(name, parent, child, at, axis, limits, speed) -> list[str]:
 
 def _text(numbers: object) -> str:
     return " ".join(f"{float(x) + 0.0:.9g}" for x in numbers)
+
+
+if __name__ == "__main__":
+    file = Path(__file__).parent.parent / "maps" / "person.urdf"
+    file.write_text(person_urdf(), encoding="utf-8")
