@@ -94,15 +94,12 @@ class Arm:
         ranges: (7, 2) lower and upper end of each joint [rad], in the order of
             `handover.human.anthropometry.ARM_JOINTS`.
         packed: The arm as the kernels want it [m]; see `handover/human/_human_arm.py`.
-        unit_packed: The same with all lengths divided by `length`: what a reachability
-            map is built with, which then fits people of any height.
     """
 
     side: str
     lengths: np.ndarray
     ranges: np.ndarray = field(default_factory=lambda: ARM_RANGES)
     packed: np.ndarray = field(init=False)
-    unit_packed: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Check side, lengths and ranges, and pack them."""
@@ -116,9 +113,8 @@ class Arm:
         object.__setattr__(self, "lengths", lengths)
         ranges = _checked_ranges(self.ranges)
         object.__setattr__(self, "ranges", ranges)
-        for name, scale in (("packed", 1.0), ("unit_packed", 1.0 / lengths.sum())):
-            packed = packed_arm(scale * lengths, ranges)
-            object.__setattr__(self, name, frozen(packed, np.float64))
+        packed = packed_arm(lengths, ranges)
+        object.__setattr__(self, "packed", frozen(packed, np.float64))
 
     @property
     def length(self) -> float:

@@ -1,7 +1,5 @@
 """A plan as plain data, by the writer of `handover.scenes.plan_file`."""
 
-from pathlib import Path
-
 import numpy as np
 
 from handover.plans.choose import Tuple
@@ -12,7 +10,6 @@ from handover.scenes.plan_file import (
     TimedMotion,
     hand_links,
     plan_record,
-    write_plan,
 )
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
@@ -48,15 +45,6 @@ def record_of(plan: HandoverPlan) -> dict:
         report=report_facts(plan),
         step=report.step,
     )
-
-
-def write_record(plan: HandoverPlan, path: str | Path) -> Path:
-    """Write a plan as JSON, whole or not at all.
-
-    Raises:
-        BadInput: There is no plan.
-    """
-    return write_plan(path, record_of(plan))
 
 
 def tuple_facts(chosen: Tuple) -> dict:

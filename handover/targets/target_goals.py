@@ -26,15 +26,12 @@ class Goal:
         q: (dof,) configuration [rad or m].
         kind: "node": a roadmap node near the target, attached already; "exact": found
             by inverse kinematics.
-        off_m, off_rad: How far its tool is from the target [m], [rad].
         node: Number of the node; -1: none.
     """
 
     key: int
     q: np.ndarray
     kind: str
-    off_m: float
-    off_rad: float
     node: int = -1
 
 
@@ -131,8 +128,7 @@ class TargetGoals:
             for one in found:
                 why = self._trouble(one.q)
                 if why is None and self._is_new(key, one.q):
-                    off = one.position_error, one.rotation_error
-                    goal = Goal(key, one.q, EXACT, *off)
+                    goal = Goal(key, one.q, EXACT)
                     self._exact.setdefault(key, []).append(goal)
                     return goal
         if begun == self.settings.starts and not self.found(key):
@@ -172,8 +168,7 @@ class TargetGoals:
             for node in self.index.within(T_base_tool, *near):
                 q = self.index.nodes[node]
                 if self._trouble(q) is None:
-                    off = self.index.off(node, T_base_tool)
-                    self._near[key] = Goal(key, q, NODE, *off, node)
+                    self._near[key] = Goal(key, q, NODE, node)
                     break
         return self._near[key]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm.checks import check_configuration
 from odm.obstacles import shapes as solid
-from odm.obstacles.surfaces import Surface, require_covering, surface_of
+from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kernels
@@ -71,14 +71,6 @@ class RobotSurface:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self._points)
-
-    def require(self, rho: float) -> None:
-        """Refuse to be an obstacle of a map whose `rho` [m] is too small.
-
-        Raises:
-            BadInput: The covering radius is larger than `rho`.
-        """
-        require_covering(self, rho)
 
     def at(self, q: np.ndarray, T_world_base: np.ndarray | None = None) -> np.ndarray:
         """Return the points at a configuration.

@@ -846,11 +846,6 @@ class ReactivePlanner:
         self.memory.owner.check()
         self.scene.set_static(place_points(points_or_shapes, self.rho))
 
-    @property
-    def static_outside(self) -> int:
-        """How many points of the scene lie outside the grid."""
-        return self.scene.outside
-
     # --- what it is asked between frames ---------------------------------------
 
     def is_free(

@@ -195,19 +195,15 @@ def without_verdicts(result: dict, why: str) -> dict:
     return result | {"rows": rows, "setup": setup}
 
 
-def bench_names() -> list[str]:
-    """Return the benches that are there: modules under `sim.bench` with a `run`.
+def _modules() -> dict[str, str]:
+    """Return the module of each bench by its name.
 
-    `sim/bench/paper/odm_paper.py` is called odm-paper.
+    Those under `sim.bench` with a `run`; `sim/bench/paper/odm_paper.py` is called
+    odm-paper.
 
     Raises:
         BadInput: They are not there: an installed wheel leaves `sim.bench` out.
     """
-    return sorted(_modules())
-
-
-def _modules() -> dict[str, str]:
-    """Return the module of each bench by its name."""
     from roadmap.errors import BadInput
 
     try:

@@ -7,10 +7,10 @@ import numpy as np
 
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
-from sim.draw.film import STATES, Canvas, FilmSettings, best_stretch, write_gif
+from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
 from sim.draw.style import FAINT, INK, TEAL
 from sim.draw.surroundings import balls_of
-from sim.draw.viewpoint import Camera, clearest, framed
+from sim.draw.viewpoint import clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
 CAME = "the person came to the standing robot"
@@ -58,27 +58,6 @@ def write_animation(
     camera = clearest(framed(settings.camera(), own, tool=tool), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     return write_gif([painter.paint(result, i) for i in shown], path, settings)
-
-
-def paint_frame(
-    result: RunResult,
-    robot: Robot,
-    places: np.ndarray,
-    world: object,
-    frame: int,
-    camera: Camera | None = None,
-) -> object:
-    """Return one frame of a run as a PIL image; arguments as `write_animation`."""
-    camera = camera or Camera(width=960, height=720)
-    return _Painter(robot, places, world, camera).paint(result, frame)
-
-
-def liveliest(result: RunResult, length: int) -> int:
-    """Return the first frame of the `length` frames with most to see.
-
-    Much motion, paths that change, a person nearby, few holds.
-    """
-    return best_stretch(_liveliness(result), length)
 
 
 def _liveliness(result: RunResult) -> np.ndarray:

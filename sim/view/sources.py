@@ -335,16 +335,3 @@ class Still:
     def at(self, time_s: float) -> Moment:
         """Return the moment."""
         return self.moment
-
-
-def check_same_robot(robot: Robot, other: Robot, path: object, folder: object) -> None:
-    """Refuse a map of another robot than the recording's.
-
-    Raises:
-        BadInput: The robots differ.
-    """
-    if robot.fingerprint() != other.fingerprint():
-        raise BadInput(
-            f"the recording {path} is of the robot {robot.name}, but the map {folder} "
-            f"is of another one, {other.name}; leave --map out or give its own map"
-        )

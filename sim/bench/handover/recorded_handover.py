@@ -16,7 +16,6 @@ from handover import Human, human_from_joints
 from handover.human.human_arm import SIDES
 from roadmap.errors import BadInput
 
-RATE_HZ = 120.0
 GRIP_N = 1.0  # a hand that presses harder holds the object [N]
 _POSE = ("x", "y", "z", "q0", "q1", "q2", "q3")
 _LETTER = {"left": "L", "right": "R"}

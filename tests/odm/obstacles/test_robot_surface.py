@@ -16,6 +16,7 @@ from odm.obstacles.robot_surface import (
     solids_of,
     standing_shapes,
 )
+from odm.obstacles.surfaces import require_covering
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import body_frames
@@ -183,9 +184,9 @@ def test_a_q_of_wrong_length_is_refused(arm3):
 
 def test_a_covering_radius_above_rho_is_refused(arm3):
     surface = RobotSurface(arm3, 0.05)
-    surface.require(0.05)
+    require_covering(surface, 0.05)
     with pytest.raises(BadInput, match=r"0.05 m of 'arm3' is larger than .* 0.03 m"):
-        surface.require(0.03)
+        require_covering(surface, 0.03)
 
 
 def test_bad_spacing_parts_and_poses_are_refused(arm3):

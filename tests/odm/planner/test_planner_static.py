@@ -117,7 +117,7 @@ def test_scenery_of_the_place_must_be_dense_enough(small_map, planner):
 
 def test_scenery_points_outside_the_grid_are_counted(planner):
     planner.set_static(np.array([[9.0, 0, 0], [0, 0, 0.9], [0, -50.0, 0]]))
-    assert planner.static_outside == 2
+    assert planner.scene.outside == 2
 
 
 def test_both_ends_of_a_question_are_checked(planner):

@@ -23,7 +23,8 @@ from sim.bench.paper.paper_arm import (
 )
 from sim.bench.paper.paper_rows import PaperFcl, audit
 from sim.bench.rivals.query import query_of
-from sim.cli.bench_command import bench_names, run_bench
+from sim.cli import bench_command
+from sim.cli.bench_command import run_bench
 from sim.tables.table import markdown, print_bench
 
 # an arm across the small robot's workspace
@@ -215,6 +216,7 @@ def test_the_short_bench_is_plain_data_with_all_tables(result):
 
 
 def test_the_bench_is_known_by_its_name_and_takes_no_map(tmp_path):
-    assert "odm-paper" in bench_names() and "odm_paper" not in bench_names()
+    names = bench_command._modules()
+    assert "odm-paper" in names and "odm_paper" not in names
     with pytest.raises(BadInput, match="no option --map"):
         run_bench("odm-paper", {"map_dir": tmp_path}, None, None)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.draw.animation import floor_of, liveliest, paint_frame, write_animation
+from sim.draw import animation
+from sim.draw.animation import floor_of, write_animation
 from sim.draw.cover_world import CoverWorld
-from sim.draw.film import FilmSettings
+from sim.draw.film import FilmSettings, best_stretch
 from sim.draw.viewpoint import Camera
 from sim.loop.loop import LoopSettings, run_loop
 from sim.run.latency_plot import write_latency_plot
@@ -56,17 +57,18 @@ def test_the_film_is_a_short_small_gif_in_real_time(run, crane, places, tmp_path
 
 
 def test_a_frame_shows_the_planned_way_the_goal_and_the_state(run, crane, places):
-    image = np.asarray(paint_frame(run, crane, places, CoverWorld(crane), 40, SMALL))
+    painter = animation._Painter(crane, places, CoverWorld(crane), SMALL)
+    image = np.asarray(painter.paint(run, 40))
     teal = (np.abs(image.astype(int) - [0, 133, 124]).max(axis=2) < 12).sum()
-    held = np.asarray(paint_frame(run, crane, places, CoverWorld(crane), 150, SMALL))
+    held = np.asarray(painter.paint(run, 150))
     red = (np.abs(held.astype(int) - [196, 62, 62]).max(axis=2) < 12).sum()
     assert teal > 200 and red > 200
 
 
 def test_the_film_starts_where_most_happens(run):
-    start = liveliest(run, 100)
-    assert 0 <= start <= run.frames - 100
-    assert liveliest(run, run.frames + 5) == 0
+    score = animation._liveliness(run)
+    assert 0 <= best_stretch(score, 100) <= run.frames - 100
+    assert best_stretch(score, run.frames + 5) == 0
 
 
 def test_a_robot_with_legs_stands_on_a_floor_and_any_other_on_its_table(crane):
