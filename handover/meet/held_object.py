@@ -88,7 +88,7 @@ def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:
     return frozen(grasps, np.float64)
 
 
-def fist_grasps(places: Sequence[float], rolls: int = 8) -> np.ndarray:
+def fist_grasps(places: Sequence[float]) -> np.ndarray:
     """Return power grasps of a round handle along the object's x axis.
 
     A closed hand holds a handle along its own y axis, in its grip. It may be turned
@@ -96,17 +96,16 @@ def fist_grasps(places: Sequence[float], rolls: int = 8) -> np.ndarray:
 
     Args:
         places: Where along x [m]; all grasps at the first come before the next.
-        rolls: How many of eight turns about the handle: 4 are 90 degrees apart.
 
     Returns:
-        (2 * rolls * places, 4, 4) T_object_hand; four turns with the thumb towards
+        (16 * places, 4, 4) T_object_hand; four turns with the thumb towards
         +x, the same with it towards -x, then the turns between.
     """
     grasps = []
     for place in places:
-        for first in range(0, rolls, 4):
+        for first in (0, 4):
             for thumb in (1.0, -1.0):
-                for roll in _ROLLS[first : min(first + 4, rolls)]:
+                for roll in _ROLLS[first : first + 4]:
                     grasps.append(_fist(place, thumb, roll))
     return np.array(grasps)
 

@@ -9,6 +9,8 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 
+_RADIAN_M = 0.3  # one radian counts as much as so many metres
+
 
 class NodeIndex:
     """Roadmap nodes by the pose of the tool.
@@ -18,14 +20,13 @@ class NodeIndex:
     Args:
         robot: The robot.
         nodes: (n, dof) configurations [rad or m].
-        radian_m: One radian counts as much as so many metres.
 
     Attributes:
         nodes: They, read-only.
         T_base_tool: (n, 4, 4) pose of the tool at each [m].
     """
 
-    def __init__(self, robot: Robot, nodes: np.ndarray, radian_m: float = 0.3) -> None:
+    def __init__(self, robot: Robot, nodes: np.ndarray) -> None:
         """Work out every pose, some 20 us each."""
         nodes = np.asarray(nodes, float)
         if nodes.ndim != 2 or nodes.shape[1] != robot.dof or not len(nodes):
@@ -39,7 +40,7 @@ class NodeIndex:
         from scipy.spatial import cKDTree  # what runs without targets need not load it
 
         # |R_a - R_b| is sqrt(2) angle, for small ones
-        self._turn = radian_m / math.sqrt(2.0)
+        self._turn = _RADIAN_M / math.sqrt(2.0)
         self._tree = cKDTree(self._points(self.T_base_tool))
 
     def __len__(self) -> int:
@@ -49,7 +50,7 @@ class NodeIndex:
     def nearest(self, T_base_tool: np.ndarray, k: int = 1) -> np.ndarray:
         """Return the (k,) nodes whose tool is nearest to a pose (4, 4), nearest first.
 
-        A radian counts as `radian_m`.
+        A radian counts as 0.3 m.
         """
         k = min(k, len(self))
         _, found = self._tree.query(self._points(T_base_tool[None])[0], k=k)

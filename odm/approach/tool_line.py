@@ -274,7 +274,7 @@ def follow(
             if abs(s - ss[-1]) > smallest * 1.5:
                 fits = 0.5 * abs(s - ss[-1])
                 continue
-            stopped = _stop(tool, line, ss[-1], s, new, reached, off, turned)
+            stopped = _stop(tool, line, ss[-1], new, reached, off, turned)
             return Follow(np.array(qs), np.array(ss), *worst, stopped)
         worst = [max(w, e) for w, e in zip(worst, error, strict=True)]
         ahead = difference(tool.robot, qs[-1], new) / (s - ss[-1])
@@ -284,7 +284,7 @@ def follow(
     return Follow(np.array(qs), np.array(ss), *worst)
 
 
-def _stop(tool, line, s_last, s, q, reached, off, turned) -> str:
+def _stop(tool, line, s_last, q, reached, off, turned) -> str:
     place = f"{100 * (1.0 - s_last) * line.length:.1f} cm before its end"
     if reached:
         return (

@@ -132,7 +132,7 @@ def holds_origin(w):
 
 
 @njit(**INNER)
-def keep_if_nearer(w, rows, n, v, best, kept, v_best):
+def keep_if_nearer(rows, n, v, best, kept, v_best):
     """Keep the face `rows[:n]` with its nearest point v if that is the nearest yet."""
     size = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     if size >= best:
@@ -159,15 +159,15 @@ def reduce_simplex(w, n, v_best):
     for i in range(n):
         rows[0] = i
         copy_row(w[i], v)
-        best = keep_if_nearer(w, rows, 1, v, best, kept, v_best)
+        best = keep_if_nearer(rows, 1, v, best, kept, v_best)
         for j in range(i):
             rows[1] = j
             if near_edge(w, j, i, v):
-                best = keep_if_nearer(w, rows, 2, v, best, kept, v_best)
+                best = keep_if_nearer(rows, 2, v, best, kept, v_best)
             for k in range(j):
                 rows[2] = k
                 if near_face(w, k, j, i, v):
-                    best = keep_if_nearer(w, rows, 3, v, best, kept, v_best)
+                    best = keep_if_nearer(rows, 3, v, best, kept, v_best)
     new = np.empty((3, 3))
     m = 0
     for r in range(3):

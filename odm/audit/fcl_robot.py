@@ -18,18 +18,17 @@ class FclRobot:
     """Collision objects of a robot's solids, with a broad phase over obstacles.
 
     Args:
-        robot: The robot.
-        base: Count the links that never move, too.
+        robot: The robot; links that never move do not count.
     """
 
-    def __init__(self, robot: Robot, base: bool = False) -> None:
+    def __init__(self, robot: Robot) -> None:
         """Make the collision objects."""
         import fcl
 
         self._fcl = fcl
         self.robot = robot
         body = robot.link_body[robot.solid_link]
-        self._used = np.flatnonzero(body > 0) if not base else np.arange(len(body))
+        self._used = np.flatnonzero(body > 0)
         self._body = body[self._used]
         self._objects = [
             fcl.CollisionObject(_robot_geometry(robot, i)) for i in self._used

@@ -29,16 +29,13 @@ class Follower:
         self.robot = robot
         self.max_velocity = frozen(speed_scale * robot.max_velocity, np.float64)
 
-    def advance(
-        self, q: np.ndarray, path: np.ndarray, dt: float, scale: float = 1.0
-    ) -> np.ndarray:
+    def advance(self, q: np.ndarray, path: np.ndarray, dt: float) -> np.ndarray:
         """Return where the robot is after `dt` seconds on the path.
 
         Args:
             q: (dof,) configuration now [rad or m].
             path: (k, dof) corners; the first one is at or near `q`.
             dt: Time to move [s].
-            scale: Share of this follower's speed to use.
 
         Returns:
             (dof,) the new configuration; the last corner if there is time left.
@@ -46,7 +43,7 @@ class Follower:
         left = dt
         for corner in path:
             step = difference(self.robot, q, corner)
-            needed = float(np.max(np.abs(step) / (scale * self.max_velocity)))
+            needed = float(np.max(np.abs(step) / self.max_velocity))
             if needed > left:
                 return wrapped(self.robot, q + step * (left / needed))
             left -= needed

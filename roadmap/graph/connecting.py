@@ -126,7 +126,7 @@ def build_roadmap(
     stream = stream or (lambda stage, parts: (motions_free(*part) for part in parts))
     nodes, drawn = _sample(robot, settings, stream, tell)
     weights = _weights(robot, settings)
-    nodes = nodes[_spatial_order(robot, nodes * weights)]
+    nodes = nodes[_spatial_order(nodes * weights)]
     pairs = _near_pairs(robot, nodes, weights, settings, workers or Threads())
     dq = difference(robot, nodes[pairs[:, 0]], nodes[pairs[:, 1]])
     starts = range(0, len(pairs), _TESTED)
@@ -198,7 +198,7 @@ def _wrapped(
     return wrapped, period
 
 
-def _spatial_order(robot: Robot, points: np.ndarray) -> np.ndarray:
+def _spatial_order(points: np.ndarray) -> np.ndarray:
     """Return an order in which near nodes have near numbers (leaves of a k-d tree)."""
     from scipy.spatial import cKDTree
 

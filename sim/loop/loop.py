@@ -157,7 +157,6 @@ class Loop:
         places: (n, dof) at least two configurations; the robot starts at the first.
         motion: The person; None runs without one.
         settings: Rate and speeds.
-        audit: (q, capsules) -> exact distance [m]; None takes `exact_audit(robot)`.
         pushed: How the robot is pushed, by the seed and the motion's name; None: it
             is not, and is where its set-point is.
         new_paths: What is done for new paths.
@@ -170,7 +169,6 @@ class Loop:
         places: np.ndarray,
         motion: HumanMotion | None,
         settings: LoopSettings | None = None,
-        audit: Audit | None = None,
         pushed: PushSettings | None = None,
         new_paths: NewPathSettings = NewPathSettings(),
     ) -> None:
@@ -179,7 +177,7 @@ class Loop:
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1
-        self._audit = audit or exact_audit(robot)
+        self._audit = exact_audit(robot)
         s = self.settings
         shares = ExecutionSettings(
             s.speed_scale,
@@ -348,7 +346,6 @@ def run_loop(
     places: np.ndarray,
     motion: HumanMotion | None,
     settings: LoopSettings | None = None,
-    audit: Audit | None = None,
     on_frame: Callable[[Frame], None] | None = None,
     pushed: PushSettings | None = None,
 ) -> RunResult:
@@ -360,7 +357,7 @@ def run_loop(
         Every frame and the figures; the same input gives the same result but for
         the clock's figures.
     """
-    loop = Loop(planner, robot, places, motion, settings, audit, pushed)
+    loop = Loop(planner, robot, places, motion, settings, pushed)
     return run_frames(loop, on_frame)
 
 

@@ -50,7 +50,7 @@ def run(
     cell_map = load_map(map_dir, verify=False)
     frames = 20 if short else 400
     reach = float(cell_map.grid.upper[0] - cell_map.grid.origin[0]) / 2.0
-    cameras = [_camera(cell_map, reach, side) for side in (0.45, -1.2)]
+    cameras = [_camera(reach, side) for side in (0.45, -1.2)]
     q = 0.5 * (cell_map.robot.lower + cell_map.robot.upper)
     tell("images of a robot and a person")
     images = _images(cell_map, cameras, q, reach, seed, 6 if short else 24)
@@ -79,7 +79,7 @@ def run(
     return {"bench": "camera", "header": header(cell_map), "setup": setup, "rows": rows}
 
 
-def _camera(cell_map: CellMap, reach: float, side: float) -> DepthCamera:
+def _camera(reach: float, side: float) -> DepthCamera:
     """Return a camera before the robot, above its shoulder."""
     eye = [1.1 * reach, side * reach, 0.75 * reach]
     return _camera_at(eye, [0.15 * reach, 0.0, 0.3 * reach])

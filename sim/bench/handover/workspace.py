@@ -60,12 +60,12 @@ def run(
     tell = tell or (lambda text: None)
     reach = _paper_reach(map_dir)
     tell("Table I")
-    counts = {c: _counts(reach, *c) for c in CURVES if _fits(reach, *c)}
+    counts = {c: _counts(reach, *c) for c in CURVES if _fits(reach, *c[:2])}
     rows = [_count_row(d, counts[PAPER][d]) for d in TABLE_I]
     tell("full build")
     rows += _build_rows(reach, 3 if short else 20)
     for grid in TIMES:
-        if _fits(reach, *grid):
+        if _fits(reach, *grid[:2]):
             tell(f"times at {_name(*grid)}")
             rows += _time_rows(reach, grid, 10 if short else 300, seed)
     tell("random cases")
@@ -94,7 +94,7 @@ def _paper_reach(map_dir: str | Path) -> ReachMap:
             f"{map_dir} is a reach map of {reach.chain.name}; this bench is of the "
             "paper's robot: `odm workspace build armar3`"
         )
-    if not _fits(reach, *PAPER):
+    if not _fits(reach, *PAPER[:2]):
         raise BadInput(
             f"the cells of {map_dir} are larger than 0.15 m; build a finer map"
         )
@@ -114,7 +114,7 @@ def person_at(distance: float) -> Human:
     return Human(1.75).placed(FRONT + distance, 0.0, np.pi)
 
 
-def _fits(reach: ReachMap, cell: float, rotations: int, grasps: int) -> bool:  # noqa: ARG001
+def _fits(reach: ReachMap, cell: float, rotations: int) -> bool:
     fine = reach.grid
     return cell >= fine.cell - 1e-9 and rotations <= fine.rotations.n_cells
 
