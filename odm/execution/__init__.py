@@ -5,9 +5,10 @@ from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.robot_threat import intent_of, intent_threat, limits_threat
 from odm.execution.settings import ExecutionSettings
 from odm.execution.stop_test import slowest_stop
-from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.execution.threat import CloudThreat, Threat, ThreatSettings, Watcher
 
 __all__ = [
+    "CloudThreat",
     "ExecutionSettings",
     "Executor",
     "RobotSpheres",

@@ -155,7 +155,7 @@ class ThreatSettings:
 
 
 class Moving(Protocol):
-    """Who moves near a robot: a person (`Threat`), or another robot."""
+    """Who moves near a robot: a person (`Threat`), a cloud, or another robot."""
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray | Obstacles, float]:
         """Return shapes or points, and how much more distance holds all meanwhile [m].
@@ -390,6 +390,37 @@ class Threat:
     @cached_property
     def _room(self) -> Obstacles:
         return Obstacles(capsules=len(self.capsules))
+
+
+@dataclass(frozen=True, eq=False)
+class CloudThreat:
+    """A cloud of points, of whose motion nothing is known but a bound on its speed.
+
+    Attributes:
+        points: (n, 3) points on the surfaces of who moves, within the map's rho [m].
+        age: Age of the points [s]; None or NaN: not known, and nothing holds them.
+        settings: Its `speed` and `noise` count.
+    """
+
+    points: np.ndarray
+    age: float | None
+    settings: ThreatSettings
+
+    def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
+        """Return the points, and how far they may have come by `end` [m]."""
+        return self.points, self.strays(end if begin + end < math.inf else math.inf)
+
+    def strays(self, time: float) -> float:
+        """Return how far a point may have come by then [m]."""
+        passed = age_of(self.age) + max(time, 0.0)
+        if not passed < math.inf:
+            return math.inf
+        return self.settings.noise + self.settings.speed * passed
+
+    @property
+    def fastest(self) -> float:
+        """The highest speed of any point [m/s]."""
+        return self.settings.speed
 
 
 def age_of(age: float | None) -> float:

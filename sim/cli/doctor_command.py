@@ -18,7 +18,7 @@ from sim.terminal.output import FINDING, report
 from sim.terminal.progress import time_text
 
 NEEDED = {
-    "numpy": "numpy", "numba": "numba", "scipy": "scipy",
+    "numpy": "numpy", "numba": "numba", "scipy": "scipy", "networkx": "networkx",
     "yourdfpy": "yourdfpy", "trimesh": "trimesh", "lxml": "lxml",
     "collada": "pycollada", "fcl": "python-fcl", "ruckig": "ruckig",
     "typer": "typer", "rich": "rich",

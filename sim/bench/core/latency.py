@@ -37,8 +37,7 @@ def run(
 
     Args:
         map_dir: Folder of a built map.
-        pairs: Start and goal pairs.
-        frames: Frames of each.
+        pairs, frames: Start and goal pairs, and the frames of each.
         seed: Same seed, same frames.
         condition: See `make_pairs`.
         short: Few of everything: to see that the bench runs, not to measure.

@@ -7,7 +7,7 @@ import pytest
 
 import odm
 from odm.execution.stop_test import BrakingTest
-from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.execution.threat import CloudThreat, Threat, ThreatSettings, Watcher
 from roadmap.errors import BadInput
 from roadmap.motion.motion import time_path
 
@@ -266,13 +266,14 @@ def threats(age):
     for error in (0.0, np.inf):
         yield Threat(BALL, RESTS, np.array([error]), age, settings)
     yield Threat(BALL[:0], RESTS[:0], np.zeros(0), age, settings)
+    yield CloudThreat(BALL[:, :3], age, settings)
 
 
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
 def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
     for threat in threats(age):
         assert threat.between(0.0, 0.1)[1] == threat.strays(0.1) == np.inf
-        assert threat.likely(0.1) is None
+        assert isinstance(threat, CloudThreat) or threat.likely(0.1) is None
     for threat in threats(0.0):
         assert threat.between(0.0, np.nan)[1] == np.inf
         assert threat.between(0.0, 1e6)[1] > 0.0 or not len(threat.capsules)
@@ -287,6 +288,13 @@ def test_a_stop_beside_a_person_of_unknown_age_does_not_pass(small_map, age):
     test = BrakingTest(planner)
     for threat in threats(age):
         assert not test.passes(motion, 0.0, 0.01, motion.stop(0.01), threat)
+
+
+def test_a_cloud_comes_as_fast_as_it_may():
+    cloud = CloudThreat(BALL[:, :3], 0.05, ThreatSettings(speed=1.5, noise=0.01))
+    points, more = cloud.between(0.1, 0.2)
+    assert np.array_equal(points, BALL[:, :3]) and cloud.fastest == 1.5
+    assert more == pytest.approx(0.01 + 1.5 * 0.25)
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@
 
 from types import SimpleNamespace
 
+import networkx
 import numpy as np
 import pytest
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.stats import qmc
 
 from roadmap import load_robot
@@ -33,13 +34,15 @@ def test_halton_is_that_of_scipy_to_the_last_bit(dof, seed):
 
 def test_the_graph_handed_out_has_the_same_nodes_edges_and_lengths(small_map):
     roadmap = small_map.roadmap
-    graph, (a, b) = roadmap.to_sparse(), roadmap.edges.T
-    dense = graph.toarray()
-    assert graph.shape == (roadmap.n_nodes, roadmap.n_nodes)
-    assert graph.nnz == 2 * roadmap.n_edges
-    assert connected_components(graph, directed=False)[0] == 1
-    assert np.array_equal(dense[a, b], roadmap.lengths)
-    assert np.array_equal(dense[b, a], roadmap.lengths)
+    graph = roadmap.to_networkx()
+    assert isinstance(graph, networkx.Graph)
+    assert graph.number_of_nodes() == roadmap.n_nodes
+    assert graph.number_of_edges() == roadmap.n_edges
+    assert networkx.is_connected(graph)
+    a, b = roadmap.edges[5]
+    assert graph.edges[a, b]["length"] == roadmap.lengths[5]
+    assert graph.edges[a, b]["id"] == 5
+    assert np.array_equal(graph.nodes[7]["q"], roadmap.nodes[7])
 
 
 def test_every_edge_stands_in_the_lists_of_both_its_nodes(small_map):
