@@ -1,4 +1,4 @@
-"""Whose a planner is: one thread's at a time, and no copy's ever.
+"""A planner belongs to one thread at a time, and cannot be copied.
 
 A planner's compiled loops write to arrays that a table of addresses names. Two threads
 would write to the same arrays; a copy would keep the addresses of the original's.

@@ -296,7 +296,7 @@ class Threads:
     """
 
     def __init__(self, threads: int = 0, store: ChunkStore | None = None) -> None:
-        """Begin nothing."""
+        """Keep the arguments; no work yet."""
         self.threads, self.store = threads or os.cpu_count() or 1, store
 
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:

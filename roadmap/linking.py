@@ -116,11 +116,11 @@ class KeptCode:
         own: dict[str, MachineCode],
         others: dict[str, MachineCode],
     ) -> None:
-        """Hold it."""
+        """Keep the object code to be pickled."""
         self._kept = code, own, others
 
     def __reduce__(self) -> tuple:
-        """Let what reads this have the bytes."""
+        """Pickle so that unpickling loads the code."""
         code, own, others = self._kept
         told = {name: (one.calls, one.variables) for name, one in own.items()}
         return _loaded, (code, told, {n: tuple(one) for n, one in others.items()})

@@ -1,4 +1,4 @@
-"""Poses as (4, 4) arrays; the only place that builds rotations.
+"""Poses as (4, 4) arrays, and rotations from angles.
 
 Conventions of the whole project: SI units; `T_a_b` is the pose of frame b in frame a,
 so neighbours cancel: T_world_tool = T_world_base @ T_base_tool. Rotations from roll,

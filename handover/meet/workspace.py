@@ -242,7 +242,7 @@ class InteractionWorkspace:
         return self._pass
 
     def _give_up(self) -> None:
-        """Have begun no ranking."""
+        """Drop a ranking in progress."""
         if self._pass is not None:
             self._entries.seen[self._warm] = False
         self._pass = None

@@ -148,7 +148,7 @@ class ChunkCrew:
     def __init__(
         self, workers: Workers, spec: ReachSpec, grid: ReachGrid, cells: Cells
     ) -> None:
-        """Begin nothing."""
+        """Keep the arguments; no work yet."""
         self.workers, self.spec, self.grid, self.cells = workers, spec, grid, cells
         self.rows = {n: _rows(grid, getattr(cells, n)) for n in Cells._fields}
 

@@ -188,13 +188,7 @@ def _shape(solid: Solid, T_world_link: np.ndarray) -> shapes.Shape:
         return shapes.Cylinder(*solid.size[:2], T)
     if solid.kind == SPHERE:
         return shapes.Sphere(solid.size[0], T)
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(solid.points)
-    a, b, c = (solid.points[hull.simplices[:, k]] for k in range(3))
-    inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-    faces = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
-    return shapes.Mesh(solid.points, faces, T)
+    return shapes.Mesh.hull_of(solid.points, T)
 
 
 def reach_pose(

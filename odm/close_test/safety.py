@@ -46,7 +46,7 @@ class Safety:
 
     @property
     def rounding(self) -> float:
-        """What a robot that rounds a corner may lack of m to what stands still [m].
+        """How far below m it may come to what stands still as it rounds a corner [m].
 
         Its share for blending, which is spent once only if the robot is off its path by
         no more than twice that (decision 0102); else nothing.

@@ -658,7 +658,7 @@ class Executor:
     def _may_go(
         self, motion: Motion, t: float, threat: Moving, delay: float = 0.0
     ) -> bool:
-        """Whether a stop passes; if it leads away from who is near, as a retreat's.
+        """Whether the stop test passes; away from who is near, as for a retreat.
 
         A robot that stands too near to somebody is not safer there than on its way
         from them. So that may use up the clearance but for `yield_gap`.
@@ -713,9 +713,9 @@ class Executor:
         time = self.period + stop.duration
         far = threat.strays(time)
         return (
-            f"the person, at up to {threat.fastest:.2f} m/s give or take "
-            f"{100 * far:.0f} cm, can be in the way of the "
-            f"{1e3 * time:.0f} ms that a stop takes"
+            f"a stop takes {1e3 * time:.0f} ms, and by then the person can be in its "
+            f"way: at up to {threat.fastest:.2f} m/s, and up to {100 * far:.0f} cm "
+            "from where they are expected"
         )
 
     def _take(self, motion: Motion) -> None:

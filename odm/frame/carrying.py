@@ -161,7 +161,7 @@ class Carrier:
         return {f"tested_{k}": i.tested() for k, i in enumerate(self._all_items())}
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Have tested just as many."""
+        """Restore how many edges were tested."""
         for k, items in enumerate(self._all_items()):
             tested = saved[f"tested_{k}"]
             items.follow(self.things if len(tested) else {})

@@ -46,7 +46,7 @@ class Cover(NamedTuple):
 
 
 class Near(NamedTuple):
-    """What of the frame is nearest to a configuration, by what must be kept.
+    """The obstacle with the least margin at a configuration.
 
     Attributes:
         gap: Its distance [m]; inf where there is nothing.
@@ -342,7 +342,7 @@ class Frame:
             write_meshes(obstacles, *larger)
 
     def replace(self, points: np.ndarray, n_given: int | None = None) -> None:
-        """Let (n, 3) points be the frame's, which no new frame has brought.
+        """Replace the frame's points by (n, 3) others, outside of a step.
 
         The close test counts the first `n_given` of them; None: as many as before.
         """

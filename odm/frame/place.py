@@ -278,7 +278,7 @@ class PlaceItems:
         return np.array(of, np.int64)
 
     def go_to(self, tested: np.ndarray) -> None:
-        """Have tested just as many items of each thing, no more."""
+        """Restore how many items of each thing were tested."""
         things = {name: closed.thing for name, closed in self._things.items()}
         if (self.tested() > tested).any():
             self.forget()

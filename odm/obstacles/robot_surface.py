@@ -181,8 +181,6 @@ def _shape_of_solid(robot: Robot, i: int) -> solid.Shape:
     if kind == CYLINDER:
         return solid.Cylinder(size[0], size[1], T)
     if kind == HULL:
-        from scipy.spatial import ConvexHull
-
         points = robot.solid_points[robot.solid_ptr[i] : robot.solid_ptr[i + 1]]
-        return solid.Mesh(points, ConvexHull(points).simplices, T)
+        return solid.Mesh.hull_of(points, T)
     return solid.Sphere(size[0], T)

@@ -173,6 +173,31 @@ class Mesh(_Posed):
         self._set("T_base_shape", check_pose(self.T_base_shape))
 
     @classmethod
+    def hull_of(cls, points: np.ndarray, T_base_shape: np.ndarray) -> "Mesh":
+        """Return the convex hull of points (n, 3) [m] in the shape's frame.
+
+        scipy's facets are turned one way or the other; here all face outwards.
+
+        Raises:
+            BadInput: The points lie in a plane, or are not finite.
+        """
+        from scipy.spatial import ConvexHull, QhullError
+
+        points = as_floats("the points of a hull", points)
+        try:
+            hull = ConvexHull(points)
+        except (QhullError, ValueError) as error:
+            raise BadInput(
+                f"{len(points)} points have no convex hull: give four or more finite "
+                "ones that do not lie in a plane"
+            ) from error
+        a, b, c = (points[hull.simplices[:, k]] for k in range(3))
+        outward = hull.equations[:, :3]
+        inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), outward) < 0.0
+        faces = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
+        return cls(points, faces, T_base_shape)
+
+    @classmethod
     def from_file(cls, path: str | Path, scale: float | np.ndarray = 1.0) -> "Mesh":
         """Read a mesh (STL, OBJ, PLY, ...); `scale` turns its unit into metres."""
         import trimesh

@@ -14,7 +14,7 @@ _ASKED = 2048  # nodes of a chunk; the bytes do not depend on it
 
 
 class NearSpec(NamedTuple):
-    """Who is looked for.
+    """Points whose nearest nodes are asked for, and how many of each.
 
     Attributes:
         points: (n, dof) weighted configurations.
@@ -28,7 +28,7 @@ class NearSpec(NamedTuple):
 
 
 class NearTree(NamedTuple):
-    """What a job looks them up in."""
+    """The k-d tree that a job looks them up in."""
 
     tree: "cKDTree"
     k: int

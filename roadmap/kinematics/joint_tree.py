@@ -12,7 +12,7 @@ class JointTree(Protocol):
     """A tree of joints with a tool, read only; `roadmap.Robot` is one."""
 
     def __hash__(self) -> int:
-        """What was worked out for it is kept by this."""
+        """Tell robots apart: what is kept for a robot is kept by this."""
 
     @property
     def name(self) -> str:

@@ -43,9 +43,12 @@ class BenchRequest:
     short: bool = flag(False, "To see that it runs, not to measure.", "--short")
     quick: bool = flag(False, "Within 5 min (peers).", "--quick")
     node_counts: str | None = flag(
-        None, "Of the maps, with commas (scale, build).", "--nodes", metavar="N,N,..."
+        None,
+        "Numbers of nodes, with commas (scale, build).",
+        "--nodes",
+        metavar="N,N,...",
     )
-    cells: str | None = flag(None, "Of cells, m, with commas (scale).", metavar="M,M")
+    cells: str | None = flag(None, "Cell sizes, m, with commas (scale).", metavar="M,M")
     out: Path | None = flag(
         None,
         "Maps or draws are kept there, and found (scale, handover).",

@@ -51,10 +51,12 @@ class BuildRequest:
         metavar="DIR",
         writes=FOLDER,
     )
-    threads: int = flag(0, "0: one per core.", min=0)
+    threads: int = flag(0, "Threads; 0: one per core.", min=0)
     force: bool = flag(False, "Replace a map of another recipe.", "--force")
     suggest: bool = flag(False, "Table of sizes; nothing is built.", "--suggest")
-    robot: str | None = flag(None, "Its file.", metavar="URDF", panel=_OWN)
+    robot: str | None = flag(
+        None, "URDF file of your robot.", metavar="URDF", panel=_OWN
+    )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK", panel=_OWN)
     lock: list[str] | None = flag(
         None,
@@ -88,11 +90,14 @@ class BuildRequest:
         limits=Limits(0.0005, 0.5, "m", hint="3 cm are 0.03"),
     )
     seed: int | None = flag(
-        None, "Of the samples.", panel=_COST, limits=Limits(0, 2**63)
+        None, "Seed of the sampled nodes.", panel=_COST, limits=Limits(0, 2**63)
     )
     workers: int = flag(0, "Processes of a cluster made here.", panel=_CLUSTER, min=0)
     scheduler: str | None = flag(
-        None, "Of a cluster that runs.", panel=_CLUSTER, metavar="tcp://HOST:8786"
+        None,
+        "Scheduler of a running Dask cluster.",
+        panel=_CLUSTER,
+        metavar="tcp://HOST:8786",
     )
     shared: Path | None = flag(
         None,

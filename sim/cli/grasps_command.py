@@ -42,7 +42,7 @@ class GraspsRequest:
     rolls: int = flag(8, "Turns about the normal above each.")
     friction: float = flag(0.5, "Coefficient of friction.")
     seed: int = flag(1, "Same seed, same set.", min=0)
-    threads: int = flag(0, "0: one per core.", min=0)
+    threads: int = flag(0, "Threads; 0: one per core.", min=0)
     plot: Path | None = flag(
         None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
     )

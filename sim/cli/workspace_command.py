@@ -58,7 +58,7 @@ class ReachRequest:
         limits=SECONDS,
     )
     seed: int = flag(1, "Same seed, same map.", min=0)
-    threads: int = flag(0, "0: one per core.", min=0)
+    threads: int = flag(0, "Threads; 0: one per core.", min=0)
     self_collision: bool = flag(
         True,
         "Whether configurations in self-collision count out.",

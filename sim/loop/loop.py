@@ -89,9 +89,9 @@ class NewPathSettings:
     """What the loop does for new paths, which `LoopSettings` says nothing of.
 
     Attributes:
-        frames: A path counts as new for so many frames,
-        times: ... in which so many times as many motions are tested to improve it: its
-            beginning is soon behind the robot.
+        frames: A path counts as new for so many frames.
+        times: Then `improve` tests so many times as many motions in each frame: the
+            beginning of the path is soon behind the robot.
         expected: New paths keep clear of where the person will be at these times [s].
     """
 

@@ -102,7 +102,7 @@ class RunRequest:
         limits=Limits(0.1, 5.0, "m"),
     )
     held: str | None = flag(
-        None, "In its hand (meet).", "--object", metavar="wrench|mallet"
+        None, "What the robot holds (meet).", "--object", metavar="wrench|mallet"
     )
     hand: str | None = flag(
         None, "Hand of the person (meet).", "--side", metavar="right|left"
@@ -152,11 +152,11 @@ class RunRequest:
     view: bool = flag(
         False, "Watch it on a page in the browser, at the clock's pace.", "--view"
     )
-    port: int | None = flag(None, "Of the page (--view); 0: any.  [8080]")
+    port: int | None = flag(None, "Port of the page (--view); 0: any free one.  [8080]")
     host: str | None = flag(
         None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
     )
-    token: str | None = flag(None, "That others have to know (--view); see odm view.")
+    token: str | None = flag(None, "Visitors must give it (--view); see odm view.")
     json: Json = None
     audit_s: float = 1.0
 

@@ -569,7 +569,7 @@ class Handover:
         return bool(len(gaps)) and bool(gaps[0] < self.planner.keep)
 
     def _is_beset(self, passed: float) -> bool:
-        """Whether the person kept it from putting the object down, so far [s]."""
+        """Whether the person was in the way of its places most of `passed` [s]."""
         return self._places.beset or 2.0 * self._hindered_s > passed
 
     def _is_under_way(self) -> bool:
@@ -1228,7 +1228,7 @@ class Handover:
         return True
 
     def _is_ready(self, goal: np.ndarray) -> bool:
-        """Whether to set a goal costs little, or cannot be made to."""
+        """Whether setting a goal is cheap now, or preparing it would not help."""
         few = self.planner.settings.cached_goals < 2 * self._reaches.settings.kept
         return few or self.planner.is_prepared(goal)
 

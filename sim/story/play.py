@@ -139,7 +139,7 @@ class Fingers:
         T_tool_object: np.ndarray | None,
         settings: GripperSettings = GripperSettings(),
     ) -> None:
-        """Be so far open."""
+        """Set opening and what is held."""
         self.settings, self.T_tool_object = settings, T_tool_object
         self.share = settings.held if share is None else share
 

@@ -23,7 +23,9 @@ class DemoRequest:
         "maintenance: three tools up to a person on a ladder, and back.",
         metavar="work|handover|maintenance",
     )
-    out: Path = flag(Path("out"), "For pictures.", metavar="DIR", writes=PICTURES)
+    out: Path = flag(
+        Path("out"), "Folder for pictures and figures.", metavar="DIR", writes=PICTURES
+    )
     seconds: float | None = flag(
         None,
         "Simulated time in s; 30 if left, up to 4 times that for a slow robot.",
@@ -95,11 +97,11 @@ class DemoRequest:
     view: bool = flag(
         False, "Watch the hand-over on a page in the browser, as it goes.", "--view"
     )
-    port: int | None = flag(None, "Of the page (--view); 0: any.  [8080]")
+    port: int | None = flag(None, "Port of the page (--view); 0: any free one.  [8080]")
     host: str | None = flag(
         None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
     )
-    token: str | None = flag(None, "That others have to know (--view); see odm view.")
+    token: str | None = flag(None, "Visitors must give it (--view); see odm view.")
     json: Json = None
 
     def __post_init__(self) -> None:

@@ -37,7 +37,8 @@ def run(
 
     Args:
         map_dir: Folder of a built map.
-        pairs, frames: Start and goal pairs, and the frames of each.
+        pairs: Start and goal pairs.
+        frames: Frames of each.
         seed: Same seed, same frames.
         condition: See `make_pairs`.
         short: Few of everything: to see that the bench runs, not to measure.
@@ -64,8 +65,7 @@ def run(
         "goals": lambda: frame_rows.goal_setting(cell_map, drawn, seed),
         "walled in": lambda: walled.walled_in(cell_map, some, seed),
         "direct map": lambda: map_rows.direct_map(cell_map, some),
-        "camera": lambda: map_rows.camera_loop(cell_map, drawn, seed),
-        "camera, anew": lambda: map_rows.clouds(cell_map, some, seed),
+        "camera": lambda: map_rows.cameras(cell_map, drawn, some, seed),
         "storage": lambda: map_rows.storage(map_dir, cell_map),
         "lengths": lambda: lengths.compared(cell_map, drawn[:few]),
         "new process": lambda: map_rows.first_answer(map_dir, drawn[0], again),

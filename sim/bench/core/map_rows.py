@@ -73,6 +73,11 @@ def camera_cloud(capsules: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([arm, body, wall])[rng.permutation(CLOUD)]
 
 
+def cameras(cell_map: CellMap, pairs: list[Pair], few: list[Pair], seed: int) -> list:
+    """Time a camera's 20 000 points: in a loop, and in frames of their own."""
+    return camera_loop(cell_map, pairs, seed) + clouds(cell_map, few, seed)
+
+
 def camera_loop(cell_map: CellMap, pairs: list[Pair], seed: int) -> list:
     """Time the frames of a loop with a camera of 33 Hz: 20 000 points in, path out.
 

@@ -4,12 +4,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 from small import DATA
 
 import odm
 from odm.audit.exact import ExactRobot
-from odm.obstacles.mesh_surface import cover_densely
+from odm.obstacles.mesh_surface import cover_densely, volume
+from odm.obstacles.obstacles import is_small_hull
 from odm.obstacles.robot_surface import (
     RobotSurface,
     robot_surface,
@@ -196,3 +197,17 @@ def test_bad_spacing_parts_and_poses_are_refused(arm3):
         RobotSurface(arm3, parts="some")
     with pytest.raises(BadInput, match="rigid"):
         RobotSurface(arm3).at(np.zeros(3), 2.0 * np.eye(4))
+
+
+def test_all_facets_of_a_hull_face_outwards(rng):
+    robot = load_robot("panda")
+    hulls = [s for s in solids_of(robot) if isinstance(s, odm.Mesh)]
+    hulls += [odm.Mesh.hull_of(rng.normal(size=(30, 3)), np.eye(4)) for _ in range(5)]
+    assert len(hulls) > 10
+    for hull in hulls:
+        expected = ConvexHull(hull.vertices).volume
+        assert volume(hull.vertices, hull.faces) == pytest.approx(expected, rel=1e-9)
+        assert is_small_hull(hull) == (len(hull.faces) <= 200)
+    for points in (np.zeros((5, 3)), rng.normal(size=(3, 3)), np.full((6, 3), np.nan)):
+        with pytest.raises(BadInput, match="have no convex hull"):
+            odm.Mesh.hull_of(points, np.eye(4))
