@@ -18,7 +18,7 @@ LOW_HALVES, HALVES = 1 << 15, 1 << 16  # that bits 0 to 14, and 15 to 30, can na
 WHOLE = 1 << 31
 SLOTS = 1 << 17  # of the table that finds a half
 _LOW, _BITS, _HALF = np.uint64(LOW_HALVES - 1), np.uint64(15), np.uint64(32)
-_WHOLE, _ONE, _ON = np.uint64(WHOLE), np.uint64(1), np.uint64(ON)
+_WHOLE, _ONE = np.uint64(WHOLE), np.uint64(1)
 _RIGHT, _SPREAD, _SHIFT = np.uint64(0xFFFFFFFF), np.uint64(2654435761), np.uint64(15)
 
 

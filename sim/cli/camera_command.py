@@ -21,7 +21,7 @@ _CELLS = "Cells"
 Three = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 # an Intel RealSense SR305, 640 x 480
-_FX, _FY, _CX, _CY, _SCALE = 476.007, 476.007, 313.683, 242.755, 0.000125
+_FX, _CX, _CY, _SCALE = 476.007, 313.683, 242.755, 0.000125
 
 
 @dataclass(frozen=True)
