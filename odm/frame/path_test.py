@@ -40,6 +40,8 @@ class PathTest:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
         path = check_path(frame.robot, path)
+        if np.ndim(extra) > 0:
+            raise BadInput("extra is an array; give metres, and points after it")
         least = -(frame.cell_map.safety.m + frame.extra)
         if -math.inf < extra < least - 1e-9:
             raise BadInput(

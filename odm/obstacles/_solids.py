@@ -62,6 +62,17 @@ def solid_distance(solids, k, x, y, z, enough):
 
 
 @njit(**INNER)
+def inner_radius(solids, k):
+    """Return a radius that no ball inside solid k is larger than."""
+    row, kind = solids.rows[k], solids.kind[k]
+    if kind == BOX:
+        return min(row[12], min(row[13], row[14]))
+    if kind == CYLINDER:
+        return min(row[6], row[7])
+    return row[17] if kind == MESH else row[6]
+
+
+@njit(**INNER)
 def rod_of(row):
     """Return what `rod_distance` takes of a capsule's row."""
     return row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]

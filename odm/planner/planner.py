@@ -455,7 +455,9 @@ class ReactivePlanner:
             The answer; "no path" is one, no exception.
 
         Raises:
-            BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
+            BadInput: Wrong shape or dtype, a covering radius above the map's rho, or a
+                mesh that is too large to be sampled. The first frame with a new mesh
+                samples it, which takes 10 to 300 ms.
         """
         begun, frame = perf_counter_ns(), self.frame
         if type(points) is PointCloud:

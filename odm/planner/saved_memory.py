@@ -15,6 +15,7 @@ import numpy as np
 from odm._groups import FRAME, GOAL, declared, length
 from odm.search.state import KINDS, Memory
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 _SETTING, _DIGEST = "setting.", "digest"
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
@@ -112,6 +113,8 @@ def unpack(
     Raises:
         BadInput: It belongs to another setting, or is damaged; nothing is changed then.
     """
+    remedy = "give what save_memory returned, or what numpy.load made of it"
+    check_kind("saved", saved, Mapping, remedy)
     arrays = {name: np.asarray(saved[name]) for name in saved}
     digest = arrays.pop(_DIGEST, None)
     if digest is None or str(digest) != _digest(arrays):

@@ -1,5 +1,6 @@
 """The scene: what stands around the robot at this place, by name, at run time."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,6 +157,11 @@ class Scene:
         read = [(prefix + name, parts, pose) for name, parts, pose in read_scene(path)]
         for name, *_ in read:
             self._new_name(name)
+        twice = [name for name, n in Counter(row[0] for row in read).items() if n > 1]
+        if twice:
+            raise BadInput(
+                f"{path} names two objects {twice[0]!r}; give each a name of its own"
+            )
         made = [Thing(name, tuple(parts), self._frame.rho) for name, parts, _ in read]
         places = [T @ pose for *_, pose in read]
         for thing, pose in zip(made, places, strict=True):

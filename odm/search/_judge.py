@@ -4,9 +4,10 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._packed import ON, word_of
-from odm.close_test._close import displacement, place_clear, set_point
+from odm.close_test._close import displacement, place_clear, place_of, set_point
 from odm.obstacles._cloud import LAYOUT, N_LISTED, N_OCCUPIED, SORTED
 from odm.obstacles._occupancy import clear, pick_points, sort_points
+from odm.obstacles._solids import inner_radius, solid_distance
 from odm.search._items import (
     BLOCKED,
     FREE,
@@ -20,6 +21,7 @@ from odm.search._items import (
 from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
 from roadmap.jit_options import INNER, LEAN
+from roadmap.kinematics._forward import body_frames
 
 
 @njit(**INNER)
@@ -315,6 +317,31 @@ def open_goal(state, g, most):
             else:
                 any_ = goal_motion_clear(state, g, a)
     return any_
+
+
+@njit(**INNER)
+def is_swallowed(state, q):
+    """Return True if a shape of the frame holds a part of the robot, and may hold all.
+
+    Samples of shapes stand on their surfaces, and only these occupy cells. Where none
+    is near a link, the widest sphere's centre lies deeper in the shape than its radius:
+    thinner shapes need not be looked at.
+    """
+    solids, arm, work = view(state, "solids"), view(state, "arm"), view(state, "work")
+    thickest, widest = 0.0, 0
+    for k in range(solids.count[0]):
+        thickest = max(thickest, inner_radius(solids, k))
+    for i in range(arm.spheres.shape[0]):
+        if arm.spheres[i, 3] > arm.spheres[widest, 3]:
+            widest = i
+    if solids.count[0] == 0 or thickest <= arm.spheres[widest, 3]:
+        return False
+    body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
+    x, y, z = place_of(work.frames[0, arm.body[widest]], arm.spheres[widest])
+    for k in range(solids.count[0]):
+        if solid_distance(solids, k, x, y, z, 0.0) < 0.0:
+            return True
+    return False
 
 
 @njit(**INNER)

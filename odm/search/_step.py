@@ -13,7 +13,7 @@ from numba import njit
 
 from odm.close_test._close import displacement
 from odm.search._frame import begin_shapes, begin_step, plan
-from odm.search._judge import rest_free, stands_free
+from odm.search._judge import is_swallowed, rest_free, stands_free
 from odm.search._paths import (
     certify_whole,
     copy_certificates,
@@ -45,6 +45,7 @@ from roadmap.jit_options import INNER, LEAN
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
 REPLAN, OFF_PATH, BETTER = 6, 7, 8
+SWALLOWED = 9  # a shape may hold the whole robot
 NOT_ASKED = -1  # the frame was taken, and not answered
 HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
@@ -171,6 +172,8 @@ def judge(state, q):
     if trouble != FOLLOWING:
         return trouble
     q = robot.q
+    if is_swallowed(state, q):
+        return SWALLOWED
     always = view(state, "rules").always[0] == 1
     if numbers.candidate[0] != 0 and not always:
         kind = numbers.candidate[0]

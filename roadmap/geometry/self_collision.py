@@ -8,6 +8,7 @@ Joints that carry both links do not count.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def self_collision(robot: Robot) -> SelfCollision:
             reach.append(relative_reach(robot, a, b))
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
-    shells = np.split(robot.shell_points, robot.shell_ptr[1:-1])
+    shells = [robot.shell_points[a:b] for a, b in pairwise(robot.shell_ptr)]
     model = kernels.SelfModel(
         robot.tree_i,
         robot.tree_f,

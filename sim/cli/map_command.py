@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.terminal import interrupt
-from sim.terminal.checks import PICTURE
+from sim.terminal.checks import PICTURE, Refused
 from sim.terminal.flags import Json, MapArgument, Seed, Threads, flag, from_request
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
@@ -93,6 +93,12 @@ def audit(request: AuditRequest) -> None:
     from odm import load_map
     from sim.tables import describe
 
+    if request.sequences is not None and (request.payload or request.close):
+        told = "--payload" if request.payload else "--close"
+        raise Refused(
+            f"{told} was given with --sequences {request.sequences}, which audits what "
+            "a planner remembers, not pairs; leave one of both"
+        )
     cell_map = load_map(request.map_dir)
     by_sequences = request.sequences is not None or request.sabotage == "certificate"
     # an audit by pairs that is interrupted tells what it found so far

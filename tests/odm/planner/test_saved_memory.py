@@ -210,3 +210,9 @@ def test_frames_are_counted_one_by_one(arm3):
         assert planner.step(points, q=HOME).frame == k == planner.frame_number
         planner.improve(4)
         planner.set_extra_clearance(0.01 * (k % 2))  # marks the points once more
+
+
+@pytest.mark.parametrize("saved", [None, 3, [np.zeros(3)]])
+def test_what_is_no_memory_is_refused(planner, saved):
+    with pytest.raises(BadInput, match="give what save_memory returned"):
+        planner.load_memory(saved)

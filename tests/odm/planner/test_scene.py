@@ -253,6 +253,11 @@ def test_a_scene_file_is_loaded_whole_or_not_at_all(planner, tmp_path):
     with pytest.raises(BadInput, match="has an object 'post' already"):
         planner.scene.load(file)
     assert "wall" not in planner.scene and planner.is_free(HOME, AWAY)
+    file.write_text(file.read_text().replace("* post", "* wall"))
+    with pytest.raises(BadInput, match="names two objects 'wall'"):
+        planner.scene.load(file)
+    assert list(planner.scene) == ["post"]
+    file.write_text(file.read_text().replace("* wall\n1\ncyl", "* post\n1\ncyl"))
     planner.scene.load(file, pose_of([5.0, 0, 0], np.zeros(3)), prefix="b/")
     assert planner.scene["b/wall"].T_world_object[0, 3] == 5.0
     assert planner.is_free(HOME, AWAY)

@@ -53,6 +53,46 @@ def test_a_path_that_is_no_number_blocks_at_the_leg_that_has_it(planner, points,
     assert planner.blocked_leg(path, points=points) in (0, 1)
 
 
+def around(size, at):
+    """Return shapes of five kinds around a place, as thick as `size` [m]."""
+    x, T = at, np.eye(4)
+    T[:3, 3] = at
+    corners = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    box = [*T[:3].ravel(), *[2.0 * size] * 3]
+    rod = [x[0], x[1], x[2] - size, x[0], x[1], x[2] + size, size]
+    return {
+        "sphere": odm.Obstacles(spheres=np.array([[*x, size]])),
+        "capsule": odm.Obstacles(capsules=np.array([rod])),
+        "cylinder": odm.Obstacles(cylinders=np.array([rod])),
+        "box": odm.Obstacles(boxes=np.array([box])),
+        "mesh": odm.Obstacles(meshes=[odm.Mesh.hull_of(corners, T)]),
+    }
+
+
+@pytest.mark.parametrize("kind", list(around(1.0, [0.0, 0.0, 0.0])))
+def test_a_shape_around_the_whole_robot_blocks(planner, kind):
+    """Its surface is near no link, so that no cell tells of it."""
+    size = 0.85 if kind == "mesh" else 1.5  # samples of larger meshes are refused
+    beside = around(size, [20.0, 0.0, 0.0])[kind]
+    inside = around(size, [0.0, 0.0, 0.4])[kind]
+    planner.set_goals([AWAY])
+    assert planner.step(beside, q=HOME).status != "holding"
+    on_its_way = HOME + 0.1 * (AWAY - HOME)
+    for q in (HOME, on_its_way):
+        answer = planner.step(inside, q=q)
+        assert answer.status == "holding" and "is in contact" in answer.reason
+        assert not planner.is_free(q, AWAY)
+    assert planner.step(beside, q=on_its_way).status != "holding"
+    planner.always_replan = True
+    assert planner.step(inside, q=on_its_way).status == "holding"
+
+
+def test_an_extra_that_is_an_array_is_refused(planner):
+    planner.step(NOBODY, q=HOME)
+    with pytest.raises(BadInput, match="extra is an array"):
+        planner.blocked_leg(HOME[None], POINTS)
+
+
 def test_an_extra_below_the_clearance_is_refused(planner):
     m = planner.cell_map.safety.m
     assert planner.blocked_leg(HOME[None], -m, NOBODY) is None

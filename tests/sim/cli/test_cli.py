@@ -273,3 +273,22 @@ def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
     code, out, _ = odm("demo", "handover")
     assert code == 0 and played == ["demo_plain"]
     assert "instead of a hand-over" in out
+
+
+NO_GEOMETRY = """<robot name="bare"><link name="base"/><link name="arm"/>
+<joint name="a" type="revolute"><parent link="base"/><child link="arm"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>
+"""
+
+
+def test_a_robot_without_any_geometry_is_refused(odm, tmp_path):
+    (tmp_path / "bare.urdf").write_text(NO_GEOMETRY)
+    words = ("--robot", str(tmp_path / "bare.urdf"), "--tip", "arm")
+    code, _, err = odm("build", *words, "--out", str(tmp_path / "map"))
+    assert code == 2 and "no link of bare that a joint moves has geometry" in err
+
+
+@pytest.mark.parametrize("flag", ["--payload", "--close"])
+def test_sequences_are_audited_without_what_concerns_pairs(odm, map_dir, flag):
+    code, _, err = odm("audit", str(map_dir), "--sequences", "5", flag)
+    assert code == 2 and f"{flag} was given with --sequences 5" in err
