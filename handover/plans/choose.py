@@ -25,8 +25,10 @@ _SOLVE = SolveSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class Tuple:
-    """One way to hand over: an element of H.
+class HandoverChoice:
+    """One way to hand over: arms, grasps, pose and joints of both agents.
+
+    The paper calls it a tuple of H.
 
     Attributes:
         arm, arm_receiver: Sides of the arms of giver and receiver.
@@ -77,7 +79,7 @@ class Report:
     tuples: int = 0
     step: str = ""
     failed: list = field(default_factory=list)
-    refused: list[Tuple] = field(default_factory=list)
+    refused: list[HandoverChoice] = field(default_factory=list)
     unpickable: set[int] = field(default_factory=set)
     unplaceable: set[int] = field(default_factory=set)
     seconds: dict = field(default_factory=dict)
@@ -125,13 +127,14 @@ def arms_in_order(
         size: How far it reaches from there [m]: an arm that only comes so near to the
             middle is taken after those that reach it.
     """
-    entries, gaps = {}, {}
+    entries, local_points = {}, {}
     for side, limb in limbs.items():
         local = np.linalg.inv(mounts[side]) @ np.r_[point, 1.0]
         entries[side] = reach_of(limb, _SOLVE).at(local[:3])
-        gaps[side] = local[:3]
+        local_points[side] = local[:3]
     able = sorted((s for s in entries if entries[s] > 0.0), key=lambda s: -entries[s])
-    near = {s: reach_of(limbs[s], _SOLVE).gap(gaps[s]) for s in limbs if s not in able}
+    unable = [s for s in limbs if s not in able]
+    near = {s: reach_of(limbs[s], _SOLVE).gap(local_points[s]) for s in unable}
     late = sorted((s for s in near if near[s] <= size), key=near.__getitem__)
     place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
     if not able and not late:
@@ -152,7 +155,7 @@ def arms_in_order(
 
 def tuples(
     scene: Scene, pair: Pair, settings: PlanSettings, report: Report
-) -> Iterator[Tuple]:
+) -> Iterator[HandoverChoice]:
     """Yield the tuples of H, the receiver's most dexterous first, then wider ones.
 
     Within a step all tuples of one grasp of the receiver come before those of the next,
@@ -199,7 +202,7 @@ def tuples(
                     giving.look(T, np.flatnonzero(use & ~clash), stand, True, False),
                     starts, clash, report.unpickable,
                 ):  # fmt: skip
-                    yield Tuple(
+                    yield HandoverChoice(
                         *sides, g, found[0], T, q_start, q, q_receiver, found[1],
                         found[2], value, step,
                     )  # fmt: skip

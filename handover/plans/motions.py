@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans.choose import Pair, Report, Tuple
+from handover.plans.choose import HandoverChoice, Pair, Report
 from handover.plans.limb import Limb
 from handover.plans.paths import SAME, Blocked, Clock, Paths
 from handover.plans.settings import PlanSettings
@@ -134,7 +134,9 @@ class MotionPlanner:
         self._known: dict = {}  # what does not depend on the whole tuple
         self._meetings: dict[int, tuple] = {}  # by tuple: (it, hard, what was found)
 
-    def of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
+    def of(
+        self, chosen: HandoverChoice, budget: int
+    ) -> tuple[list[Piece], HandoverChoice]:
         """Return the pieces of a tuple's motions, in order, and the tuple.
 
         The tuple's arms may have got other postures, the palms where they were.
@@ -151,14 +153,16 @@ class MotionPlanner:
         finally:  # H is chosen from with the other arm where it waits
             self.pair.receiver.put_other(self.giver.home)
 
-    def tell_hopeless(self, chosen: Tuple, report: Report) -> None:
+    def tell_hopeless(self, chosen: HandoverChoice, report: Report) -> None:
         """Note a tuple's grasps that fail at the start, or goal, whatever follows."""
         if isinstance(self._known.get(("start", chosen.grasp_giver)), Blocked):
             report.unpickable.add(chosen.grasp_giver)
         if isinstance(self._known.get(("goal", chosen.grasp_receiver)), Blocked):
             report.unplaceable.add(chosen.grasp_receiver)
 
-    def _of(self, chosen: Tuple, budget: int) -> tuple[list[Piece], Tuple]:
+    def _of(
+        self, chosen: HandoverChoice, budget: int
+    ) -> tuple[list[Piece], HandoverChoice]:
         g, r = chosen.grasp_giver, chosen.grasp_receiver
         hard = budget > self.settings.first_budget
         trouble = self._known.get(("start", g))
@@ -196,7 +200,7 @@ class MotionPlanner:
 
     # --- what is cheap --------------------------------------------------------------
 
-    def _starts(self, chosen: Tuple) -> Iterator[_Start]:
+    def _starts(self, chosen: HandoverChoice) -> Iterator[_Start]:
         """Yield ways to grasp and lift: line, fingers, lift.
 
         Raises:
@@ -237,7 +241,7 @@ class MotionPlanner:
         giver.hold(np.linalg.inv(grasps.T_object_palm[g]))
         return pre, np.vstack([line, close[1:]]), paths.lift(q)
 
-    def _goal(self, chosen: Tuple) -> _Goal:
+    def _goal(self, chosen: HandoverChoice) -> _Goal:
         """Return how the receiver lets go at the goal: lift, fingers, line."""
         scene, grasps, g = self.scene, self.pair.of_receiver, chosen.grasp_receiver
         if scene.goal_held:
@@ -254,7 +258,7 @@ class MotionPlanner:
         pre, line = paths.line_to(q_open, "the receiver's retreat", (grasps, g), True)
         return _Goal(down, opening, pre, line)
 
-    def _meetings_of(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+    def _meetings_of(self, chosen: HandoverChoice, hard: bool) -> list[_Meeting]:
         """Return how the object may change hands; more postures are tried if `hard`."""
         _, tried, met = self._meetings.get(id(chosen), (None, None, None))
         known = isinstance(met, Blocked) and (tried or not hard or met.by_hand)
@@ -268,7 +272,7 @@ class MotionPlanner:
             raise met
         return met
 
-    def _meet(self, chosen: Tuple, hard: bool) -> list[_Meeting]:
+    def _meet(self, chosen: HandoverChoice, hard: bool) -> list[_Meeting]:
         """Return fingers and lines of both where the object changes hands.
 
         All with one posture of the receiver, and some of the giver.
@@ -296,7 +300,7 @@ class MotionPlanner:
         raise trouble
 
     def _leave(
-        self, chosen: Tuple, q_receiver: np.ndarray, taken: tuple, tries: int
+        self, chosen: HandoverChoice, q_receiver: np.ndarray, taken: tuple, tries: int
     ) -> list[_Meeting]:
         """Return how the giver leaves the object to the receiver."""
         pair, trouble, met = self.pair, None, []
@@ -323,7 +327,9 @@ class MotionPlanner:
             raise trouble
         return met
 
-    def _take(self, chosen: Tuple, q_giver: np.ndarray, q: np.ndarray) -> tuple:
+    def _take(
+        self, chosen: HandoverChoice, q_giver: np.ndarray, q: np.ndarray
+    ) -> tuple:
         """Return (where the line begins, line and closing hand) of the receiver."""
         receiver, grasps = self.pair.receiver, self.pair.of_receiver
         g, paths = chosen.grasp_receiver, self.receiver
@@ -336,7 +342,9 @@ class MotionPlanner:
         paths.prove(close, "closing the receiver's hand")
         return pre, np.vstack([line, close[1:]])
 
-    def _release(self, chosen: Tuple, q: np.ndarray, q_receiver: np.ndarray) -> tuple:
+    def _release(
+        self, chosen: HandoverChoice, q: np.ndarray, q_receiver: np.ndarray
+    ) -> tuple:
         """Return (opening hand, where the line begins, line) of the giver."""
         giver, grasps, paths = self.pair.giver, self.pair.of_giver, self.giver
         g = chosen.grasp_giver
@@ -349,7 +357,7 @@ class MotionPlanner:
         paths.prove(opening, "opening the giver's hand")
         return opening, pre, line
 
-    def _offered(self, chosen: Tuple, q_giver: np.ndarray) -> None:
+    def _offered(self, chosen: HandoverChoice, q_giver: np.ndarray) -> None:
         """Look whether the giver can hold the object where it is handed over."""
         self._put_giver_to_carry(chosen)
         _, trouble = self.pair.giver.why(q_giver)
@@ -376,13 +384,15 @@ class MotionPlanner:
         self._put_giver_at_start()
         return self.giver.reach(start.pre[None], "reach", budget)[0]
 
-    def _approach(self, chosen: Tuple, met: _Meeting, budget: int) -> np.ndarray:
+    def _approach(
+        self, chosen: HandoverChoice, met: _Meeting, budget: int
+    ) -> np.ndarray:
         self._put_receiver_to_take(chosen, met.q_giver)
         pre = met.take_pre[None]
         return self.receiver.reach(pre, "reach for the object", budget)[0]
 
     def _way_home(
-        self, chosen: Tuple, meetings: list[_Meeting], budget: int
+        self, chosen: HandoverChoice, meetings: list[_Meeting], budget: int
     ) -> tuple[_Meeting, np.ndarray]:
         """Return the giver's way home, and where it begins."""
         self._put_giver_to_leave(chosen, meetings[0].q_receiver)
@@ -391,7 +401,7 @@ class MotionPlanner:
         return meetings[k], path
 
     def _place(
-        self, chosen: Tuple, met: _Meeting, goal: _Goal, budget: int
+        self, chosen: HandoverChoice, met: _Meeting, goal: _Goal, budget: int
     ) -> list[Piece]:
         """Receiver: bring the object to the goal; let go where that carries it."""
         receiver, g = self.pair.receiver, chosen.grasp_receiver
@@ -426,16 +436,20 @@ class MotionPlanner:
         self.pair.giver.put_other(self.receiver.home)
         self.pair.giver.put_object(self.scene.T_world_start)
 
-    def _put_giver_to_carry(self, chosen: Tuple) -> None:
+    def _put_giver_to_carry(self, chosen: HandoverChoice) -> None:
         self.pair.giver.put_other(self.receiver.home)
         T = self.pair.of_giver.T_object_palm[chosen.grasp_giver]
         self.pair.giver.hold(np.linalg.inv(T))
 
-    def _put_receiver_to_take(self, chosen: Tuple, q_giver: np.ndarray) -> None:
+    def _put_receiver_to_take(
+        self, chosen: HandoverChoice, q_giver: np.ndarray
+    ) -> None:
         self.pair.receiver.put_other(q_giver)
         self.pair.receiver.put_object(chosen.T_world_handover)
 
-    def _put_giver_to_leave(self, chosen: Tuple, q_receiver: np.ndarray) -> None:
+    def _put_giver_to_leave(
+        self, chosen: HandoverChoice, q_receiver: np.ndarray
+    ) -> None:
         self.pair.giver.put_other(q_receiver)
         self.pair.giver.put_object(chosen.T_world_handover)
 
@@ -513,7 +527,9 @@ class _Limits:
     max_jerk: np.ndarray
 
 
-def timed(pieces: list[Piece], pair: Pair, chosen: Tuple) -> tuple[PlannedMotion, ...]:
+def timed(
+    pieces: list[Piece], pair: Pair, chosen: HandoverChoice
+) -> tuple[PlannedMotion, ...]:
     """Time pieces one after the other, within all limits of their joints.
 
     The arm stops in every corner, so that what is executed is what was proved.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from handover.plans.choose import Tuple
+from handover.plans.choose import HandoverChoice
 from handover.plans.motions import PlannedMotion
 from handover.plans.planner import HandoverPlan
 from handover.scenes.plan_file import (
@@ -47,7 +47,7 @@ def record_of(plan: HandoverPlan) -> dict:
     )
 
 
-def tuple_facts(chosen: Tuple) -> dict:
+def tuple_facts(chosen: HandoverChoice) -> dict:
     """Return a tuple of H as plain data."""
     return {
         "arm": chosen.arm,

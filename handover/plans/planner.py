@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from handover.grasps.grasp_set import GraspSet
-from handover.plans.choose import Pair, Report, Tuple, arms_in_order, tuples
+from handover.plans.choose import HandoverChoice, Pair, Report, arms_in_order, tuples
 from handover.plans.grasps import grasps_for
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, PlannedMotion, home_of, timed
@@ -44,15 +44,15 @@ class HandoverPlan:
     scene: Scene
     found: bool
     reason: str = ""
-    chosen: Tuple | None = None
+    chosen: HandoverChoice | None = None
     grasps_giver: GraspSet | None = None
     grasps_receiver: GraspSet | None = None
     motions: tuple[PlannedMotion, ...] = ()
     report: Report = field(default_factory=Report)
-    others: Callable[[], tuple[Tuple, ...]] = tuple
+    others: Callable[[], tuple[HandoverChoice, ...]] = tuple
 
     @property
-    def alternatives(self) -> tuple[Tuple, ...]:
+    def alternatives(self) -> tuple[HandoverChoice, ...]:
         """Other tuples of H, best first; they are looked for when first asked for."""
         return self.others()
 
@@ -172,14 +172,16 @@ class _Tried:
 
     def __init__(self, planner: MotionPlanner, report: Report) -> None:
         self.planner, self.report = planner, report
-        self.seen: list[Tuple] = []
-        self._put_off: list[tuple[int, Tuple]] = []
-        self._fresh: list[tuple[int, Tuple]] = []  # those with the grasp at hand
+        self.seen: list[HandoverChoice] = []
+        self._put_off: list[tuple[int, HandoverChoice]] = []
+        self._fresh: list[
+            tuple[int, HandoverChoice]
+        ] = []  # those with the grasp at hand
         self._grasp = -1
         self._refused: set[int] = set()  # of tuples that are kept in the report
         self.seconds = 0.0
 
-    def once(self, chosen: Tuple, clock: _Clock) -> tuple | None:
+    def once(self, chosen: HandoverChoice, clock: _Clock) -> tuple | None:
         """Look for a tuple's motions with a small budget.
 
         Tuples with another grasp of the receiver are less dexterous: before the first
@@ -227,13 +229,15 @@ class _Tried:
 class _Others:
     """The other tuples of H, made when they are asked for."""
 
-    def __init__(self, stream, tried: _Tried, used: Tuple, most: int, report) -> None:
+    def __init__(
+        self, stream, tried: _Tried, used: HandoverChoice, most: int, report
+    ) -> None:
         self._stream, self._most, self._report = stream, most, report
         self._step, self._found = used.step, None
         index = [k for k, t in enumerate(tried.seen) if _same(t, used)]
         self._seen = [t for k, t in enumerate(tried.seen) if k not in index]
 
-    def __call__(self) -> tuple[Tuple, ...]:
+    def __call__(self) -> tuple[HandoverChoice, ...]:
         """Return them, best first."""
         if self._found is None:
             begun, others = time.perf_counter(), list(self._seen)
@@ -247,7 +251,7 @@ class _Others:
         return self._found
 
 
-def _same(one: Tuple, other: Tuple) -> bool:
+def _same(one: HandoverChoice, other: HandoverChoice) -> bool:
     return (
         one.grasp_giver == other.grasp_giver
         and one.grasp_receiver == other.grasp_receiver
@@ -404,7 +408,9 @@ class _Search:
             _Others(stream, tried, used, settings.tuples, report),
         )  # fmt: skip
 
-    def _counted(self, stream: Iterator[Tuple], seen: list) -> Iterator[Tuple]:
+    def _counted(
+        self, stream: Iterator[HandoverChoice], seen: list
+    ) -> Iterator[HandoverChoice]:
         for chosen in islice(stream, self.settings.tries):
             seen.append(chosen)
             self.report.tuples += 1

@@ -1,4 +1,4 @@
-"""How far shapes may move before a motion that is free must be tested again.
+"""How far shapes may move before a free motion must be tested again.
 
 A motion is kept in chords: between two configurations of it every sphere stays within a
 sag (|p''| dt^2 / 8) of the straight line from where it is at the one to where it is at

@@ -46,9 +46,9 @@ class Safety:
 
     @property
     def rounding(self) -> float:
-        """How far below m it may come to what stands still as it rounds a corner [m].
+        """How far below m it may come to static things while rounding a corner [m].
 
-        Its share for blending, which is spent once only if the robot is off its path by
+        The share for blending, which is spent once only if the robot is off its path by
         no more than twice that (decision 0102); else nothing.
         """
         return self.blending if self.tracking <= self.blending else 0.0

@@ -658,10 +658,11 @@ class Executor:
     def _may_go(
         self, motion: Motion, t: float, threat: Moving, delay: float = 0.0
     ) -> bool:
-        """Whether the stop test passes; away from who is near, as for a retreat.
+        """Whether the stop test passes.
 
-        A robot that stands too near to somebody is not safer there than on its way
-        from them. So that may use up the clearance but for `yield_gap`.
+        A motion away from a near person may use the clearance down to `yield_gap`: a
+        robot that stands too near to somebody is not safer there than on its way from
+        them.
         """
         if self._stop_free(motion, t, threat, delay):
             return True

@@ -14,12 +14,12 @@ _ASKED = 2048  # nodes of a chunk; the bytes do not depend on it
 
 
 class NearSpec(NamedTuple):
-    """Points whose nearest nodes are asked for, and how many of each.
+    """Points, and how many nearest nodes to find for each.
 
     Attributes:
         points: (n, dof) weighted configurations.
         period: (dof,) of joints that turn without end, weighted; 0: of none.
-        k: So many nearest ones of each, itself included.
+        k: How many nearest nodes to find for each point, the point itself included.
     """
 
     points: np.ndarray
@@ -28,7 +28,7 @@ class NearSpec(NamedTuple):
 
 
 class NearTree(NamedTuple):
-    """The k-d tree that a job looks them up in."""
+    """k-d tree of those points, in which a job looks up their nearest nodes."""
 
     tree: "cKDTree"
     k: int

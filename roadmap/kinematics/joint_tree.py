@@ -12,7 +12,7 @@ class JointTree(Protocol):
     """A tree of joints with a tool, read only; `roadmap.Robot` is one."""
 
     def __hash__(self) -> int:
-        """Tell robots apart: what is kept for a robot is kept by this."""
+        """Hash: the key of caches that are kept for each robot."""
 
     @property
     def name(self) -> str:

@@ -89,9 +89,9 @@ class NewPathSettings:
     """What the loop does for new paths, which `LoopSettings` says nothing of.
 
     Attributes:
-        frames: A path counts as new for so many frames.
-        times: Then `improve` tests so many times as many motions in each frame: the
-            beginning of the path is soon behind the robot.
+        frames: How many frames a path counts as new.
+        times: Factor on `LoopSettings.improve` while the path is new: its beginning is
+            soon behind the robot, so it is shortened first.
         expected: New paths keep clear of where the person will be at these times [s].
     """
 

@@ -569,7 +569,7 @@ class Handover:
         return bool(len(gaps)) and bool(gaps[0] < self.planner.keep)
 
     def _is_beset(self, passed: float) -> bool:
-        """Whether the person was in the way of its places most of `passed` [s]."""
+        """Whether the person blocked the places for most of `passed` [s]."""
         return self._places.beset or 2.0 * self._hindered_s > passed
 
     def _is_under_way(self) -> bool:
