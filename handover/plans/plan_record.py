@@ -19,7 +19,7 @@ _NEVER = 1e-7  # [s] times nearer than this are one
 
 
 def record_of(plan: HandoverPlan) -> dict:
-    """Return a plan as plain data; see `docs/handover.md`.
+    """Return a plan as plain data; see `docs/plans.md`.
 
     Between its times all joints go straight: every corner of a path is a time.
 

@@ -24,7 +24,7 @@ def load_scene(source: str | Path, seed: int = 0) -> Scene:
 
     Args:
         source: One of `scene_names()`, or the path of a TOML file; see
-            `docs/handover.md`.
+            `docs/plans.md`.
         seed: What its random parts are drawn with: same seed, same bytes. A file has
             none of them.
 

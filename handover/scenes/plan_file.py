@@ -1,6 +1,6 @@
 """The plan of a hand-over as plain JSON, to be played or checked without this project.
 
-What each entry means is written in `docs/handover.md`, "The plan as a file".
+What each entry means is written in `docs/plans.md`, "The plan as a file".
 """
 
 import json

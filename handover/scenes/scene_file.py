@@ -40,7 +40,7 @@ _SHAPES = {
 
 
 def read_scene(path: Path, seed: int = 0) -> Scene:
-    """Read a scene from a TOML file; see `docs/handover.md` for its parts.
+    """Read a scene from a TOML file; see `docs/plans.md` for its parts.
 
     Args:
         path: The file; paths in it start from its folder.

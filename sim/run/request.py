@@ -128,7 +128,7 @@ class RunRequest:
     plan: Path | None = flag(
         None,
         "Hand over as a plan says whose giver is the map's robot; its receiver moves "
-        "as planned. See docs/handover.md.",
+        "as planned. See docs/plans.md.",
         metavar="JSON",
     )
     early: float | None = flag(

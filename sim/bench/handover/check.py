@@ -1,6 +1,6 @@
 """Check a plan's JSON file without this project: python-fcl, dense in time.
 
-Reads the file that `docs/handover.md` describes, the URDFs it names and their meshes,
+Reads the file that `docs/plans.md` describes, the URDFs it names and their meshes,
 and imports nothing of ours: `python sim/bench/handover/check.py plan.json`.
 
 Tested at every moment: both agents against each other, against furniture and against
