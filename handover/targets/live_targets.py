@@ -85,8 +85,8 @@ class LiveTargets:
         goals: The planner's goals, best first; empty at rest.
         withdrawn: Whether it goes to its place of rest, or stays there, whatever
             targets there are.
-        told_larger: How much larger than they are the people are whom the planner's
-            `step` is told of [m]: so much less is kept to spare.
+        told_larger: How much larger the planner's `step` is told people are than they
+            really are [m]; the spare distance shrinks by that.
         counts: "frames", "changes" of the target pursued, "set_goals", "attached".
 
     Raises:
@@ -101,7 +101,7 @@ class LiveTargets:
         index: NodeIndex | None = None,
         settings: LiveSettings | None = None,
     ) -> None:
-        """Pursue nothing."""
+        """Start without a target."""
         s = self.settings = settings or LiveSettings()
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)

@@ -22,7 +22,7 @@ class NodeIndex:
         nodes: (n, dof) configurations [rad or m].
 
     Attributes:
-        nodes: They, read-only.
+        nodes: (n, dof) the same configurations, read-only.
         T_base_tool: (n, 4, 4) pose of the tool at each [m].
     """
 

@@ -73,7 +73,7 @@ class LiveSettings:
 
     Attributes:
         ranked: Targets considered in a frame; more and more while all are blocked.
-        deepest: As many times `ranked` are considered at most.
+        deepest: At most this many times `ranked` targets are considered.
         node_tolerance_m: A roadmap node that holds the tool this near to a target [m]
             stands in for it until inverse kinematics has found the pose itself. 7.5 cm:
             half a cell of 15 cm.
@@ -107,8 +107,8 @@ class LiveSettings:
         near_rest: Whether ways from the place of rest are kept short: inverse
             kinematics begins there, in place of the last near node, and of targets
             with the same quality the one that turns the tool least goes first.
-        idle: So many times `choices` are between two rankings while there is no target
-            to go to.
+        idle: Factor on `choices`, the frames between two rankings, while there is no
+            target to go to.
         alike: Targets have the same quality if it is so to this many decimals.
     """
 

@@ -107,14 +107,14 @@ class KinematicMover:
             self._q = np.array(q, float)
 
     def new_goal(self) -> None:
-        """Nothing is kept from goal to goal."""
+        """Do nothing: this mover keeps nothing from goal to goal."""
 
     def commit(self) -> Commit:
         """A new path may begin where the robot is."""
         return Commit(self._q, 0.0)
 
     def next_commit(self) -> None:
-        """It is not known where the next path will begin: somewhere near."""
+        """Return None: where the next path will begin is not known."""
 
     def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer; `commit` and `threat` change nothing."""

@@ -27,11 +27,11 @@ class SeparationWatch:
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
-        """Nothing was measured."""
+        """Start without a measurement."""
         self.planner, self.last = planner, np.inf
 
     def forget(self) -> None:
-        """Begin anew: how fast the points come nearer is not known any more."""
+        """Forget past separations: how fast the points come nearer is unknown again."""
         self.last = np.inf
 
     def measure(self, q: np.ndarray) -> float:
@@ -66,7 +66,7 @@ class Lookout:
         period: float,
         settings: LookoutSettings = LookoutSettings(),
     ) -> None:
-        """Nobody comes."""
+        """Start with nobody seen to come."""
         self.planner, self.period, self.settings = planner, period, settings
         self._wait_s = 0.0
         safety = planner.cell_map.safety

@@ -96,7 +96,7 @@ class PaceSettings:
         keep_every: Frames between two looks at the jerk of a motion, which cost a
             timing each.
         again: A limit of the jerk that differs by this factor is another one.
-        harder: So many times the limit is allowed where a motion cannot keep it.
+        harder: Factor on the limit of jerk where a motion cannot keep that limit.
         retreat_every: Frames between two searches for a retreat, which take a while.
         retreats: Shares of a retreat's speed that are tried, one after the other.
         evasions: Shares of its present speed at which an evasion goes on.
@@ -167,8 +167,8 @@ class StopTestSettings:
         shell_slice_s: By the shells in pieces of this length [s],
         at_once: ... and so many of those at once before.
         places: Of a way, at which it is asked whether it leads away from who is near.
-        near: Who is farther than m and this [m] is not near; more than the close test's
-            own share.
+        near: Somebody farther away than m plus this is not near [m]; it must exceed
+            the close test's own share.
     """
 
     slice_s: float = 0.04

@@ -93,10 +93,11 @@ class ThreatSettings:
             trembles by 2 cm at 5 Hz has 20. Between `acceleration` and this a person
             does more than is assumed of them: their velocity counts, but the balls may
             be too small.
-        rise: Who sped up by more than `acceleration` in the last fifth of a second is
-            held able to so many times that, `Threat.as_lately`. Of the parts of eight
-            recordings 0.3 % get farther than that by 5 mm within the 80 ms of a stop;
-            with 1 0.9 %, and 9 % farther than with 4 m/s2 for all (decision 0072).
+        rise: Factor on the hardest acceleration of the last fifth of a second: what a
+            person may reach next, `acceleration` at least (`Threat.as_lately`). Of the
+            parts of eight recordings 0.3 % get farther than that by 5 mm within the
+            80 ms of a stop; with 1 0.9 %, and 9 % farther than with 4 m/s2 for all
+            (decision 0072).
     """
 
     speed: float = 2.0
@@ -215,7 +216,7 @@ class Threat:
     jerk: float | None = None
 
     def of(self, these: np.ndarray | slice) -> "Threat":
-        """Return the same of some of the parts alone."""
+        """Return the threat of some of the parts alone."""
         how = (self.drift, self.rows_of_past, self.most, self.window)
         how += (self.widening, self.untouched)
         drift, rows, most, window, widening, untouched = (
@@ -240,7 +241,7 @@ class Threat:
         )
 
     def left_alone(self, these: slice, time: float) -> "Threat":
-        """Return the same where nothing accelerates some of the parts; see the module.
+        """Return the threat if nothing accelerates some of the parts; see the module.
 
         Args:
             these: Which: parts of an object that stands.
@@ -261,7 +262,7 @@ class Threat:
         return np.arange(len(self.capsules)) if self.rows is None else self.rows
 
     def as_lately(self) -> "Threat":
-        """Return the same of a person who speeds up at least as much as of late.
+        """Return the threat of a person who accelerates at least as hard as lately.
 
         Each change of velocity from frame to frame counts, `rise` times; with `noise`
         each over 60 ms, as far as the noise shows it. A change beyond what is plausible
@@ -290,7 +291,7 @@ class Threat:
         return replace(self, most=most, error=error, jerk=0.0)
 
     def as_so_far(self) -> "Threat":
-        """Return the same of a person who speeds up no harder from now on than so far.
+        """Return the threat of a person who accelerates no harder than so far.
 
         For a robot that is quick to stop, and for one that gets out of their way:
         expected to do more, they would keep it where they touch it.
@@ -441,7 +442,7 @@ class Watcher:
         settings: ThreatSettings | None = None,
         follow: FollowSettings = _FOLLOW,
     ) -> None:
-        """Nobody has been seen."""
+        """Start before the first frame."""
         self.follow = follow
         self.settings = s = settings or ThreatSettings()
         self._limits = np.array(

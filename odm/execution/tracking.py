@@ -59,7 +59,7 @@ class TrackingMonitor:
             self.note = f"pushed {1e3 * far:.0f} mm off its path; stopped"
 
     def unmeasured(self) -> None:
-        """Take no measurement for one: it is as far off as when that was known last."""
+        """Note a frame without a measurement: the last known deviation counts."""
         if math.isfinite(self.off):
             return
         self.off = self._last if self._last > self._share else 0.0
@@ -70,7 +70,7 @@ class TrackingMonitor:
             )
 
     def moves(self) -> None:
-        """Begin the time anew for which it is held still."""
+        """Restart the time for which the robot has been held still."""
         self._still = None
 
     def held_still(self, q: np.ndarray) -> bool:

@@ -109,7 +109,7 @@ class Connector:
         return self._free_path(q, False) if found else None
 
     def take(self, path: FoundPath | None, patience: int) -> bool:
-        """Let the path in use be one that is free now, if it was there for long enough.
+        """Use a path that is free now, once such a path was there for long enough.
 
         Where the path before was of this kind, or free only now, and was blocked, the
         next one must be there for `persistence_frames` frames in a row: what opens and

@@ -111,13 +111,13 @@ class AttachSettings:
     """How and when goals and starts are joined to the roadmap (`attaching.Attacher`).
 
     Attributes:
-        looked_at: As many times the connections wanted near nodes are tested.
+        looked_at: Near nodes that may be tested for each connection wanted.
         goal_at_once: Motions that a goal has at once; the others follow by `improve`.
         pose_at_once: The same of a goal by pose: inverse kinematics take time, too.
         start_at_once: The same of a start.
-        start_rounds: So many times as many a new start tries, while all are refused.
-        nearer: So many times its length a motion counts that is no edge, where short
-            paths are to leave through its node.
+        start_rounds: Rounds of `start_at_once` nodes that a new start tries at most.
+        nearer: Factor on the length of the motion to a node, where nodes are ranked by
+            the path that leads on through them.
         moving_nodes: Near nodes that a moving robot may be connected with,
         moving_connections: ... and connections that it gets at most.
         looks: Waiting nodes that a frame without a path looks at, of start and goals.
