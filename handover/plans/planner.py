@@ -174,9 +174,8 @@ class _Tried:
         self.planner, self.report = planner, report
         self.seen: list[HandoverChoice] = []
         self._put_off: list[tuple[int, HandoverChoice]] = []
-        self._fresh: list[
-            tuple[int, HandoverChoice]
-        ] = []  # those with the grasp at hand
+        # those with the grasp at hand
+        self._fresh: list[tuple[int, HandoverChoice]] = []
         self._grasp = -1
         self._refused: set[int] = set()  # of tuples that are kept in the report
         self.seconds = 0.0

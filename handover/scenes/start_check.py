@@ -1,5 +1,6 @@
 """Whether a scene can begin: exact distances between all that is there at the start."""
 
+from collections.abc import Iterable
 from itertools import combinations
 
 import numpy as np
@@ -21,9 +22,7 @@ def start_distances(scene: Scene) -> list[tuple[float, str, str]]:
     """
     giver, receiver = _links(scene.giver), _links(scene.receiver)
     thing = {scene.obj.name: obstacles_of(scene.object_shapes(scene.T_world_start))}
-    fixed = {
-        f"{fixture.name}": obstacles_of([fixture.shape]) for fixture in scene.scenery
-    }
+    fixed = _by_name((f.name, f.shape) for f in scene.scenery)
     found = _between(giver, receiver)
     for group in (giver, receiver, thing):
         found += _between(group, fixed)
@@ -51,13 +50,16 @@ def check_start(scene: Scene) -> None:
 
 
 def _links(placed: PlacedAgent) -> dict[str, Obstacles]:
+    name = placed.agent.name
+    return _by_name((f"{name}/{link}", shape) for link, shape in placed.shapes())
+
+
+def _by_name(named: Iterable[tuple[str, Shape]]) -> dict[str, Obstacles]:
+    """Return all shapes of one name together; a table's legs may have the same."""
     groups: dict[str, list[Shape]] = {}
-    for link, shape in placed.shapes():
-        groups.setdefault(link, []).append(shape)
-    return {
-        f"{placed.agent.name}/{link}": obstacles_of(shapes)
-        for link, shapes in groups.items()
-    }
+    for name, shape in named:
+        groups.setdefault(name, []).append(shape)
+    return {name: obstacles_of(shapes) for name, shapes in groups.items()}
 
 
 def _between(

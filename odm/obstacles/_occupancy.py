@@ -59,7 +59,7 @@ def mark_more(given, points, begin, end, cloud):
     """Mark the cells of points[begin:end], too, for the test by cells alone.
 
     Where `given` (m, 3) has points they are copied to `points` first. All is done by
-    chunks: while one is read from memory, the one before is worked on.
+    chunks, each of which stays in the first cache.
     """
     source, flat = given.reshape(-1), points.reshape(-1)
     bad = 0

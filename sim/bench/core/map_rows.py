@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -90,18 +90,14 @@ def camera_loop(cell_map: CellMap, pairs: list[Pair], seed: int) -> list:
         planner.set_goals([pair.q_goal])
         for k, rods in enumerate(pair.capsules[::3]):
             points = camera_cloud(rods, rng)
+            asked = partial(planner.step, points, pair.q_start, covering_radius=rho)
             # the first frame of a pair pays for a q never seen, which has its own row
-            ask = clock if k else _ask
-            ask(planner.step, points, q=pair.q_start, covering_radius=rho)
+            clock(asked) if k else asked()
             planner.improve(IMPROVE)
     note = (
         f"a loop at 33 Hz, improve({IMPROVE}) between its frames, same q in each pair"
     )
     return [clock.row("20 000 raw points -> path", note, p50=150.0, p99=600.0)]
-
-
-def _ask(function: Callable, *args: object, **options: object) -> None:
-    function(*args, **options)
 
 
 def clouds(cell_map: CellMap, pairs: list[Pair], seed: int, each: int = 10) -> list:

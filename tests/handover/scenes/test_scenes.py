@@ -168,6 +168,16 @@ def test_a_start_in_collision_is_refused(tmp_path):
         handover.load_scene(written(tmp_path, deep))
 
 
+def test_all_pieces_of_one_name_are_tested_at_the_start(tmp_path):
+    named = BOARD + 'name = "board"\n'
+    far = named.replace("position = [", "position = [9.0, 9.0, 9.0]  # [")
+    for pieces in (named + far, far + named):
+        with pytest.raises(BadInput, match="cup meets board"):
+            handover.load_scene(
+                written(tmp_path, TEA.replace("0.751", "0.740") + pieces)
+            )
+
+
 def test_unknown_scenes_and_hands_are_listed(tmp_path):
     with pytest.raises(BadInput, match="did you mean 'butler'"):
         handover.load_scene("butlr")
