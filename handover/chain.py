@@ -16,6 +16,7 @@ from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.kinematics.tool_chain import tool_chain
 from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of_flat
 
 _ARRAYS = ("fixed", "kind", "scale", "limits", "endless", "length")
 
@@ -112,9 +113,7 @@ class Chain:
         """Return T_base_tool, (4, 4), of a configuration (dof,)."""
         frames = np.empty((len(self.kind) + 1, 12))
         kernels.forward(self.arrays, np.ascontiguousarray(q, float), frames)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = frames[-1, :9].reshape(3, 3), frames[-1, 9:]
-        return T
+        return pose_of_flat(frames[-1])
 
     def full(self, q: np.ndarray) -> np.ndarray:
         """Return the robot's configuration for one of the chain."""

@@ -43,6 +43,44 @@ def flat_pose(T: np.ndarray) -> np.ndarray:
     return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
 
 
+def pose_of_flat(row: np.ndarray) -> np.ndarray:
+    """Return the (4, 4) pose of a row (12,), see `flat_pose` [m]."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:]
+    return T
+
+
+def inverse_pose(T: np.ndarray) -> np.ndarray:
+    """Return the inverse (4, 4) of a rigid motion (4, 4) [m]."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = T[:3, :3].T
+    inverse[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return inverse
+
+
+def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the (3, 3) rotation about a unit vector (3,) by an angle [rad]."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+
+
+def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
+    """Return the (4, 4) motion that a joint of a URDF makes [m].
+
+    Args:
+        kind: "prismatic", "revolute", "continuous" or "fixed".
+        axis: (3,) of length 1, in the joint's frame.
+        value: Of the joint [rad or m]; nothing to a fixed one.
+    """
+    T = np.eye(4)
+    if kind == "prismatic":
+        T[:3, 3] = value * axis
+    elif kind != "fixed":
+        T[:3, :3] = rotation_about(axis, value)
+    return T
+
+
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     """Return `pose` as float (4, 4).
 

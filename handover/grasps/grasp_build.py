@@ -25,6 +25,7 @@ from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
 from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
+from roadmap.transforms import pose_of_flat
 
 Progress = Callable[[str, int, int], None]
 _RANGES = {
@@ -228,8 +229,7 @@ def _best_held(work: _Work, closed: list[tuple[object, int]]) -> _Grasp | None:
     for bound, points, contacts, state, shape in sorted(tries, key=lambda t: -t[0]):
         quality = closure_quality(points) if bound >= settings.least else 0.0
         if quality >= settings.least:
-            T = np.eye(4)
-            T[:3, :3], T[:3, 3] = state.palm[:9].reshape(3, 3), state.palm[9:]
+            T = pose_of_flat(state.palm)
             return _Grasp(T, state.values.copy(), shape, quality, contacts)
     return None
 

@@ -38,7 +38,8 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import Surface, sample_capsules
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose, rotation_rpy
+from roadmap.geometry.gaps import moved_rods
+from roadmap.transforms import check_pose, inverse_pose, rotation_rpy
 
 _ROUNDING = 1e-15  # by which the length of a direction is off 1
 
@@ -155,7 +156,7 @@ class Human:
             BadInput: An unknown side, a pose that is not rigid, a bad step.
         """
         T_world_hand = check_pose(T_world_hand, "T_world_hand")
-        T_shoulder_world = _inverse(self.T_world_shoulder(side))
+        T_shoulder_world = inverse_pose(self.T_world_shoulder(side))
         return self.arm(side).ik(T_shoulder_world @ T_world_hand, step)
 
     def reach_pose(self, side: str, T_world_hand: np.ndarray) -> np.ndarray:
@@ -166,7 +167,7 @@ class Human:
         """
         arm = self.arm(side)
         T_world_hand = check_pose(T_world_hand, "T_world_hand")
-        T = arm.mirrored(_inverse(self.T_world_shoulder(side)) @ T_world_hand)
+        T = arm.mirrored(inverse_pose(self.T_world_shoulder(side)) @ T_world_hand)
         T[:3, 3] /= arm.length
         return T
 
@@ -340,18 +341,8 @@ def _direction(gaze: np.ndarray | None) -> np.ndarray | None:
     return frozen(gaze, np.float64)
 
 
-def _inverse(T: np.ndarray) -> np.ndarray:
-    inverse = np.eye(4)
-    inverse[:3, :3] = T[:3, :3].T
-    inverse[:3, 3] = -T[:3, :3].T @ T[:3, 3]
-    return inverse
-
-
 def _seen_from(T_world_base: np.ndarray | None, capsules: np.ndarray) -> np.ndarray:
     if T_world_base is None:
         return capsules
-    T = _inverse(check_pose(T_world_base, "T_world_base"))
-    seen = capsules.copy()
-    for at in (slice(0, 3), slice(3, 6)):
-        seen[:, at] = capsules[:, at] @ T[:3, :3].T + T[:3, 3]
-    return seen
+    T = inverse_pose(check_pose(T_world_base, "T_world_base"))
+    return moved_rods(capsules, T)

@@ -24,7 +24,7 @@ from handover.human._human_arm import arm_axes, arm_jacobian, arm_pose
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose, flat_pose
+from roadmap.transforms import check_pose, flat_pose, pose_of_flat
 
 SIDES = ("left", "right")
 STEP = math.radians(15.0)  # [rad] between representatives, unless another is asked for
@@ -135,7 +135,7 @@ class Arm:
         """Return T_shoulder_hand, (4, 4), of the joints q (7,) [rad]."""
         pose = np.empty(12)
         arm_pose(self.packed, check_joints(q), pose)
-        return self.mirrored(_matrix(pose))
+        return self.mirrored(pose_of_flat(pose))
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Return (6, 7): the grip's velocity [m/rad], then spin, shoulder frame."""
@@ -275,13 +275,6 @@ def check_joints(q: np.ndarray) -> np.ndarray:
             "like degrees, give rad"
         )
     return q
-
-
-def _matrix(pose: np.ndarray) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3] = pose[:9].reshape(3, 3)
-    T[:3, 3] = pose[9:]
-    return T
 
 
 def _checked_ranges(ranges: np.ndarray) -> np.ndarray:

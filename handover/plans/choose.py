@@ -20,6 +20,7 @@ from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
+from roadmap.transforms import rotation_about
 
 _SOLVE = SolveSettings()
 
@@ -302,7 +303,7 @@ def handover_poses(
     z = shoulder(pair.giver) - shoulder(pair.receiver)
     z /= np.linalg.norm(z)
     least = min_rotation(R_palm[:, 2], z) @ R_palm @ T_object_palm[:3, :3].T
-    turned = [_about(z, turn) @ least for turn in turns]
+    turned = [rotation_about(z, turn) @ least for turn in turns]
     for place in places:
         for R in turned:
             T = np.eye(4)
@@ -321,12 +322,6 @@ def min_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return 2.0 * np.outer(axis, axis) - np.eye(3)
     K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.eye(3) + K + K @ K / (1.0 + c)
-
-
-def _about(axis: np.ndarray, angle: float) -> np.ndarray:
-    x, y, z = axis
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
 
 
 def _taken(

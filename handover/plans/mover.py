@@ -20,7 +20,7 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.seven import free_angles, room
-from roadmap.transforms import flat_pose
+from roadmap.transforms import flat_pose, pose_of_flat
 
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
@@ -395,9 +395,7 @@ def group_reaches(limb: Limb) -> np.ndarray:
 def mount_pose(placed: PlacedAgent, limb: Limb) -> np.ndarray:
     """Return what an arm hangs on, world frame, (4, 4) [m]."""
     frame = limb.model.frames(placed.joints)[limb.mount]
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = frame[:9].reshape(3, 3), frame[9:]
-    return placed.T_world_base @ T
+    return placed.T_world_base @ pose_of_flat(frame)
 
 
 def limb_frames(limb: Limb, T_mount: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -16,8 +16,7 @@ from roadmap.geometry.solids import Solid, solid_of
 from roadmap.loading.body_tree import drive
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, robot_file
-from roadmap.robot.robot import BOX, CYLINDER, SPHERE
-from roadmap.transforms import pose_of
+from roadmap.transforms import joint_motion, pose_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,8 @@ class AgentBody:
             if joint.kind in MOVABLE:
                 driver, factor, offset = drive(self.description, joint)
                 value = factor * joints[driver] + offset
-                T = T @ _moved(joint.kind, joint.axis, value)
+                axis = joint.axis / np.linalg.norm(joint.axis)
+                T = T @ joint_motion(joint.kind, axis, value)
             poses[link] = T
         return poses
 
@@ -164,31 +164,12 @@ def _neighbours(
     )
 
 
-def _moved(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
-    """Return what a joint does, (4, 4)."""
-    T = np.eye(4)
-    axis = axis / np.linalg.norm(axis)
-    if kind == "prismatic":
-        T[:3, 3] = value * axis
-        return T
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    T[:3, :3] += np.sin(value) * cross + (1.0 - np.cos(value)) * cross @ cross
-    return T
-
-
 def _shape(solid: Solid, T_world_link: np.ndarray) -> shapes.Shape:
     T = T_world_link @ solid.T_body_solid
     # rotations that are multiplied twenty times lose digits
     u, _, vt = np.linalg.svd(T[:3, :3])
     T[:3, :3] = u @ vt
-    if solid.kind == BOX:
-        return shapes.Box(solid.size, T)
-    if solid.kind == CYLINDER:
-        return shapes.Cylinder(*solid.size[:2], T)
-    if solid.kind == SPHERE:
-        return shapes.Sphere(solid.size[0], T)
-    return shapes.Mesh.hull_of(solid.points, T)
+    return shapes.shape_of(solid.kind, solid.size, solid.points, T)
 
 
 def reach_pose(

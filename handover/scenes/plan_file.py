@@ -289,3 +289,16 @@ def _shape(shape: Shape) -> dict:
     kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
     assert isinstance(shape, Capsule | Cylinder)
     return {"type": kind, "radius": shape.radius, "length": shape.length, **at}
+
+
+def read_shape(entry: Mapping) -> Shape:
+    """Return a shape of a plan's record, at its pose."""
+    at = np.array(entry["pose"], float)
+    if entry["type"] == "box":
+        return Box(np.array(entry["size"], float), at)
+    if entry["type"] == "sphere":
+        return Sphere(float(entry["radius"]), at)
+    if entry["type"] == "mesh":
+        return Mesh(np.array(entry["vertices"], float), np.array(entry["faces"]), at)
+    kind = {"capsule": Capsule, "cylinder": Cylinder}[entry["type"]]
+    return kind(float(entry["radius"]), float(entry["length"]), at)

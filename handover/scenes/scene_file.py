@@ -1,7 +1,8 @@
 """A scene of one's own, read from TOML: agents, object, start, goal and furniture."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from handover.grasps.agents import Agent, AgentArm, Posture, load_agent
 from handover.grasps.hands import HandSpec
 from handover.grasps.objects import GraspObject, load_object
 from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from odm.obstacles.scenery import shapes_of_tables
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.transforms import pose_of
@@ -29,13 +30,6 @@ _KEYS = {
     "[object]": {"name", "file", "mass_kg", "scale"},
     "[start]": {"position", "rpy"},
     "[goal]": {"position", "rpy", "held"},
-}
-_SHAPES = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "mesh": ("file",),
 }
 
 
@@ -179,33 +173,18 @@ def _object(table: dict, path: Path) -> GraspObject:
 def _scenery(tables: object, path: Path) -> tuple[Fixture, ...]:
     if not isinstance(tables, list):
         raise BadInput(f"{path}: scenery is {tables!r}; write tables [[scenery]]")
-    found = []
-    for k, table in enumerate(tables):
-        kind = _table(table, f"scenery {k}", path).get("type")
-        if kind not in _SHAPES:
-            raise BadInput(
-                f"{path}: scenery {k} has the type {kind!r}; choose one of "
-                f"{', '.join(_SHAPES)}"
-            )
-        keys = {"type", "name", "position", "rpy", *_SHAPES[kind]}
-        keys |= {"scale"} if kind == "mesh" else set()
-        unknown = sorted(set(table) - keys)
-        missing = sorted(set(_SHAPES[kind]) - set(table))
-        if unknown or missing:
-            word = f"has no key {unknown[0]!r}" if unknown else f"lacks {missing[0]!r}"
-            raise BadInput(
-                f"{path}: scenery {k} ({kind}) {word}; its keys: "
-                f"{', '.join(sorted(keys))}"
-            )
-        T = _pose(table, f"scenery {k}", path)
-        name = str(table.get("name", f"{kind} {k}"))
-        found.append(Fixture(name, _shape(kind, table, T, path)))
-    return tuple(found)
+    try:
+        named = shapes_of_tables(tables, path.parent)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+    found: dict[str, Fixture] = {}
+    for name, shape in named:
+        # others look them up by name: a table's legs may all be called "table"
+        own = next(n for n in _counted(name) if n not in found)
+        found[own] = Fixture(own, shape)
+    return tuple(found.values())
 
 
-def _shape(kind: str, table: dict, T: np.ndarray, path: Path) -> Shape:
-    if kind == "mesh":
-        file = path.parent / str(table["file"])
-        return Mesh.from_file(file, table.get("scale", 1.0)).moved(T)
-    make = {"box": Box, "sphere": Sphere, "cylinder": Cylinder, "capsule": Capsule}
-    return make[kind](*(table[key] for key in _SHAPES[kind]), T)
+def _counted(name: str) -> Iterator[str]:
+    yield name
+    yield from (f"{name} {n}" for n in count(2))

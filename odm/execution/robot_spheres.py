@@ -11,7 +11,7 @@ from odm.checks import check_configuration
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import motion_per_point, sphere_centers
 from roadmap.robot.robot import Robot
 from roadmap.transforms import check_pose
 
@@ -32,12 +32,8 @@ class RobotSpheres:
         """Take the spheres of the links that joints move."""
         self.robot, self._chosen = robot, np.flatnonzero(robot.moving)
         self.radii = frozen(robot.spheres[self._chosen, 3], np.float64)
-        bounds = np.zeros((len(self.radii), robot.dof))
         reach = np.asarray(robot.sphere_reach)[self._chosen]
-        for joint in range(robot.dof):
-            bodies = robot.tree_i[:, 1] == joint
-            factor = np.abs(robot.tree_f[bodies, 15])
-            bounds[:, joint] = reach[:, bodies] @ factor
+        bounds = motion_per_point(robot.tree_i, robot.tree_f, reach, robot.dof)
         self.motion_bounds = frozen(bounds, np.float64)
 
     def __len__(self) -> int:

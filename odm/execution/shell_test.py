@@ -26,6 +26,7 @@ from odm.execution._shell_test import hulls_apart
 from odm.execution.settings import StopTestSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import frozen, writable
+from roadmap.geometry.gaps import moved_rods
 from roadmap.kinematics import _forward as kernels
 from roadmap.motion.motion import Motion
 from roadmap.robot.robot import Robot
@@ -168,10 +169,8 @@ class ShellTest:
             there, more = threat.between(later + a, later + b)
             if not math.isfinite(more) or not len(there):
                 return False
-            rows = np.array(there.capsules)
+            rows = moved_rods(there.capsules, T)
             rows[:, 6] += more
-            for k in (0, 3):
-                rows[:, k : k + 3] = rows[:, k : k + 3] @ T[:3, :3].T + T[:3, 3]
             corners = motion.path_from(a, motion.place(b))
             legs = list(zip(corners[:-1], corners[1:], strict=True))
             for q0, q1 in legs or [(corners[0], corners[0])]:

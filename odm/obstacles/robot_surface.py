@@ -12,8 +12,8 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics.axis_reach import joint_span, point_reach
-from roadmap.kinematics.forward import body_frames
-from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
+from roadmap.kinematics.forward import body_frames, motion_per_point
+from roadmap.robot.robot import Robot
 
 PARTS = ("all", "moving", "standing")
 
@@ -120,12 +120,7 @@ class RobotSurface:
         robot = self.robot
         span = joint_span(robot.tree_i, robot.tree_f, robot.lower, robot.upper)
         reach = point_reach(robot.tree_i, robot.tree_f, span, self._body, self._points)
-        motion_bounds = np.zeros((len(reach), robot.dof))
-        for joint in range(robot.dof):
-            bodies = robot.tree_i[:, 1] == joint
-            factor = np.abs(robot.tree_f[bodies, 15])
-            motion_bounds[:, joint] = reach[:, bodies] @ factor
-        return motion_bounds
+        return motion_per_point(robot.tree_i, robot.tree_f, reach, robot.dof)
 
 
 def robot_surface(
@@ -175,12 +170,6 @@ def _surface_of_solid(robot: Robot, i: int, spacing: float) -> Surface:
 
 
 def _shape_of_solid(robot: Robot, i: int) -> solid.Shape:
-    kind, size, T = robot.solid_kind[i], robot.solid_size[i], robot.solid_pose[i]
-    if kind == BOX:
-        return solid.Box(size, T)
-    if kind == CYLINDER:
-        return solid.Cylinder(size[0], size[1], T)
-    if kind == HULL:
-        points = robot.solid_points[robot.solid_ptr[i] : robot.solid_ptr[i + 1]]
-        return solid.Mesh.hull_of(points, T)
-    return solid.Sphere(size[0], T)
+    points = robot.solid_points[robot.solid_ptr[i] : robot.solid_ptr[i + 1]]
+    T = robot.solid_pose[i]
+    return solid.shape_of(robot.solid_kind[i], robot.solid_size[i], points, T)

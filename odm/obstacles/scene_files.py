@@ -11,7 +11,7 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, ch
 from roadmap.errors import BadInput, BadRobot
 from roadmap.robot.description import Description, Joint, read_description
 from roadmap.robot.meshes import find_mesh
-from roadmap.transforms import pose_of
+from roadmap.transforms import joint_motion
 
 KINDS = (".scene", ".urdf", ".xml")
 PLATE = (6.0, 6.0, 1.0)  # [m] that stands for a plane, beneath it
@@ -350,7 +350,8 @@ def _link_poses(description: Description) -> Iterator[tuple[str, np.ndarray]]:
         yield name, T
         for joint in description.children(name):
             value = _standing(description, joint)
-            open_.append((joint.child, T @ joint.T_parent_joint @ _moved(joint, value)))
+            moved = joint_motion(joint.kind, joint.axis, value)
+            open_.append((joint.child, T @ joint.T_parent_joint @ moved))
 
 
 def _standing(description: Description, joint: Joint) -> float:
@@ -361,14 +362,3 @@ def _standing(description: Description, joint: Joint) -> float:
     low = -math.inf if joint.lower is None else joint.lower
     high = math.inf if joint.upper is None else joint.upper
     return min(max(0.0, low), high)
-
-
-def _moved(joint: Joint, value: float) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    if joint.kind == "prismatic":
-        return pose_of(value * joint.axis, np.zeros(3))
-    T = np.eye(4)
-    if joint.kind != "fixed":
-        T[:3, :3] = Rotation.from_rotvec(value * joint.axis).as_matrix()
-    return T

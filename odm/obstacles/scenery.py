@@ -1,5 +1,6 @@
 """Scenery of a recipe: held exactly but for meshes that are not convex, or large."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ _KEYS = {
     "cylinder": _ROUND | {"length", "rpy"},
     "file": {"type", "name", "file", "position", "rpy", "covering_radius"},
 }
+_OF_SHAPES = {k: v - {"covering_radius"} for k, v in _KEYS.items() if k != "plane"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,20 +137,7 @@ def parse_scenery(
     made = _Made([], [], [np.zeros((0, 3))], [])
     rho = 0.0
     for k, table in enumerate(tables):
-        if not isinstance(table, dict):
-            raise BadRecipe(f"scenery {k} is {table!r}; write a table [[scenery]]")
-        kind = table.get("type")
-        if not isinstance(kind, str) or kind not in _KEYS:
-            raise BadRecipe(
-                f"scenery {k} has type {kind!r}; choose one of {', '.join(_KEYS)}"
-            )
-        unknown = set(table) - _KEYS[kind]
-        if unknown:
-            raise BadRecipe(
-                f"scenery {k} ({kind}) has no key {sorted(unknown)[0]!r}; known keys: "
-                f"{', '.join(sorted(_KEYS[kind]))}"
-            )
-        name = str(table.get("name", f"{kind} {k}"))
+        kind, name = _kind_and_name(table, k, _KEYS)
         if kind == "plane":
             made.rows.append(_plane_row(table, k))
             made.names.append(name)
@@ -160,6 +149,45 @@ def parse_scenery(
     faces = np.concatenate([np.zeros((0, 13)), *made.faces])
     points = np.concatenate(made.points)
     return Scenery(rows, points, rho, tuple(made.names), faces=faces)
+
+
+def shapes_of_tables(
+    tables: Sequence[dict], folder: Path | None = None
+) -> list[tuple[str, Shape]]:
+    """Return (name, shape) of what [[scenery]] tables hold, but for half-spaces.
+
+    Args:
+        tables: As in a recipe; a plane or a `covering_radius` is refused.
+        folder: Where relative paths of files start; None: the current folder.
+
+    Raises:
+        BadRecipe: An unknown type or key, or a value that makes no solid.
+    """
+    found = []
+    for k, table in enumerate(tables):
+        kind, name = _kind_and_name(table, k, _OF_SHAPES)
+        found += _shapes_of(table, k, kind, name, folder, True)
+    return found
+
+
+def _kind_and_name(
+    table: dict, k: int, known: Mapping[str, set[str]]
+) -> tuple[str, str]:
+    """Return the type of a table and its name, or refuse a type or key not known."""
+    if not isinstance(table, dict):
+        raise BadRecipe(f"scenery {k} is {table!r}; write a table [[scenery]]")
+    kind = table.get("type")
+    if not isinstance(kind, str) or kind not in known:
+        raise BadRecipe(
+            f"scenery {k} has type {kind!r}; choose one of {', '.join(known)}"
+        )
+    unknown = set(table) - known[kind]
+    if unknown:
+        raise BadRecipe(
+            f"scenery {k} ({kind}) has no key {sorted(unknown)[0]!r}; known keys: "
+            f"{', '.join(sorted(known[kind]))}"
+        )
+    return kind, str(table.get("name", f"{kind} {k}"))
 
 
 @dataclass(frozen=True)
@@ -210,7 +238,7 @@ def _shapes_of(
         if not (size > 0).all():
             raise BadRecipe(
                 f"scenery {k}: size {size.tolist()} must be 3 lengths above 0 [m]; "
-                "correct it in the recipe"
+                "correct it"
             )
         return [(name, Box(size, _pose(table, k)))]
     if kind in ("mesh", "file"):
@@ -273,7 +301,7 @@ def _numbers(
     if not listed or not all(is_between(v, -1e3, 1e3) for v in value):
         raise BadRecipe(
             f"scenery {k}: {key} is {value!r}, but must be 3 {what}, none beyond "
-            "1000 either way; correct it in the recipe"
+            "1000 either way; correct it"
         )
     return np.array(value, float)
 
@@ -285,7 +313,7 @@ def _number(
     if not is_between(value, low, high):
         raise BadRecipe(
             f"scenery {k}: {key} is {value!r}, but must be a number from {low:g} to "
-            f"{high:g}; correct it in the recipe"
+            f"{high:g}; correct it"
         )
     return float(value)
 
@@ -307,5 +335,5 @@ def _scale_of(table: dict, k: int) -> float | np.ndarray:
     else:
         scale = _number(table, k, "scale", 1.0, 1e-9, 1e6)
     if not np.all(scale):
-        raise BadRecipe(f"scenery {k}: scale {scale} holds 0; correct it in the recipe")
+        raise BadRecipe(f"scenery {k}: scale {scale} holds 0; correct it")
     return scale

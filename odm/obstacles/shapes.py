@@ -10,6 +10,7 @@ from odm.checks import as_floats
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
+from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 
 LARGEST = 1000.0  # [m] size of a shape
 
@@ -225,6 +226,28 @@ class Mesh(_Posed):
 
 
 Shape = Sphere | Capsule | Cylinder | Box | Mesh
+
+
+def shape_of(kind: int, size: np.ndarray, points: np.ndarray, T: np.ndarray) -> Shape:
+    """Return a collision solid of a robot as a shape.
+
+    Args:
+        kind: HULL, BOX, CYLINDER or SPHERE of `roadmap.robot.robot`.
+        size: (3,) edges of a box, radius and length of a cylinder, radius of a ball,
+            the rest unused [m].
+        points: (n, 3) points whose hull is meant, of HULL only [m].
+        T: (4, 4) pose of the solid [m].
+
+    Raises:
+        BadInput: No rigid pose, no size, or points without a hull.
+    """
+    if kind == BOX:
+        return Box(size, T)
+    if kind == CYLINDER:
+        return Cylinder(size[0], size[1], T)
+    if kind == SPHERE:
+        return Sphere(size[0], T)
+    return Mesh.hull_of(points, T)
 
 
 def _turn_z_to(axis: np.ndarray) -> np.ndarray:

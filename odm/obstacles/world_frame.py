@@ -4,7 +4,7 @@ import numpy as np
 
 from odm.obstacles._occupancy import place
 from roadmap.arrays import frozen
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, inverse_pose
 
 
 class WorldFrame:
@@ -20,11 +20,8 @@ class WorldFrame:
     def __init__(self, T_world_base: np.ndarray) -> None:
         """Keep the pose and its inverse."""
         T = check_pose(T_world_base, "T_world_base")
-        inverse = np.eye(4)
-        inverse[:3, :3] = T[:3, :3].T
-        inverse[:3, 3] = -T[:3, :3].T @ T[:3, 3]
         self.T_world_base = frozen(T, np.float64)
-        self.T_base_world = frozen(inverse, np.float64)
+        self.T_base_world = frozen(inverse_pose(T), np.float64)
         self.at_base = bool(np.array_equal(T, np.eye(4)))
         self._room = np.zeros((0, 3))
 

@@ -66,18 +66,29 @@ def motion_per_joint(
 ) -> np.ndarray:
     """Return (dof,) how far a joint moves any point at most, per rad or m.
 
+    Arguments as `motion_per_point`.
+    """
+    moved = motion_per_point(tree_i, tree_f, reach, dof)
+    return moved.max(axis=0, initial=0.0)
+
+
+def motion_per_point(
+    tree_i: np.ndarray, tree_f: np.ndarray, reach: np.ndarray, dof: int
+) -> np.ndarray:
+    """Return (n, dof) how far a joint moves each point at most [m per rad or m].
+
     Args:
         tree_i: (n_bodies, 3) bodies, as in `Robot`.
         tree_f: (n_bodies, 17) bodies, as in `Robot`.
         reach: (n, n_bodies) distances of points from the joints' axes, as in `Robot`.
         dof: Number of joints.
     """
-    most = np.zeros(dof)
+    moved = np.zeros((len(reach), dof))
     for joint in range(dof):
         bodies = tree_i[:, 1] == joint
         factor = np.abs(tree_f[bodies, 15])
-        most[joint] = (reach[:, bodies] * factor).sum(axis=1).max(initial=0.0)
-    return most
+        moved[:, joint] = (reach[:, bodies] * factor).sum(axis=1)
+    return moved
 
 
 def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:

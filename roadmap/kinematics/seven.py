@@ -14,7 +14,7 @@ from roadmap.arrays import frozen
 from roadmap.kinematics import _seven as kernels
 from roadmap.kinematics._chain import ChainArrays
 from roadmap.kinematics.joint_tree import REVOLUTE
-from roadmap.transforms import flat_pose
+from roadmap.transforms import flat_pose, pose_of_flat
 
 _NEAR = 1e-6  # [m] axes that come so near meet
 
@@ -28,10 +28,10 @@ def seven_of(chain: ChainArrays) -> kernels.Seven | None:
         return None
     T, axes, places = np.eye(4), [], []
     for row in chain.fixed[:-1]:
-        T = T @ _pose(row)
+        T = T @ pose_of_flat(row)
         axes.append(T[:3, 2].copy())
         places.append(T[:3, 3].copy())
-    T = T @ _pose(chain.fixed[-1])
+    T = T @ pose_of_flat(chain.fixed[-1])
     axes, places = np.array(axes), np.array(places)
     shoulder, off = _meeting(axes[:3], places[:3])
     wrist, off_wrist = _meeting(axes[4:6], places[4:6])
@@ -68,12 +68,6 @@ def free_angles(arm: kernels.Seven, steps: int) -> np.ndarray:
         return 2.0 * np.pi * np.arange(steps) / steps
     low, high = np.sort(arm.limits[6] * arm.scale[6, 0] + arm.scale[6, 1])
     return np.linspace(low, high, steps)
-
-
-def _pose(row: np.ndarray) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:]
-    return T
 
 
 def _meeting(axes: np.ndarray, places: np.ndarray) -> tuple[np.ndarray | None, float]:

@@ -40,18 +40,20 @@ class BenchRequest:
         metavar="MAP",
     )
     seed: int | None = flag(None, "Same seed, same frames.")
-    short: bool = flag(False, "To see that it runs, not to measure.", "--short")
-    quick: bool = flag(False, "Within 5 min (peers).", "--quick")
+    short: bool = flag(False, "Show that it runs; measure nothing.", "--short")
+    quick: bool = flag(False, "Fewer frames, within 5 min (peers).", "--quick")
     node_counts: str | None = flag(
         None,
-        "Numbers of nodes, with commas (scale, build).",
+        "Node counts of the maps, comma-separated (scale, build).",
         "--nodes",
         metavar="N,N,...",
     )
-    cells: str | None = flag(None, "Cell sizes, m, with commas (scale).", metavar="M,M")
+    cells: str | None = flag(
+        None, "Cell sizes in m, comma-separated (scale).", metavar="M,M,..."
+    )
     out: Path | None = flag(
         None,
-        "Maps or draws are kept there, and found (scale, handover).",
+        "Folder where maps or draws are kept and found again (scale, handover).",
         metavar="DIR",
         writes=FOLDER,
     )
@@ -65,7 +67,10 @@ class BenchRequest:
     seeds: int | None = flag(None, "Runs of each motion (motions).")
     processes: int | None = flag(None, "Runs at a time (motions, story).", min=1)
     motions: list[str] | None = flag(
-        None, "Only these; again for more (motions).", "--motion", metavar="NAME"
+        None,
+        "Run this motion only; again for more (motions).",
+        "--motion",
+        metavar="NAME",
     )
     runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
     repeats: int | None = flag(
@@ -80,10 +85,10 @@ class BenchRequest:
         metavar="LINK",
     )
     distances: list[float] | None = flag(
-        None, "Of the person, in m; again for more (targets).", "--distance"
+        None, "Distance of the person, in m; again for more (targets).", "--distance"
     )
     files: list[Path] | None = flag(
-        None, "A recording, too; again for more.", "--file", metavar="F"
+        None, "A recording to use; again for more.", "--file", metavar="F"
     )
     plot: Path | None = flag(
         None,
@@ -96,7 +101,7 @@ class BenchRequest:
         None, "Another checkout to compare with (golden).", metavar="DIR"
     )
     only: list[str] | None = flag(
-        None, "Only these; again for more (golden, handover).", metavar="ITEM"
+        None, "Run this item only; again for more (golden, handover).", metavar="ITEM"
     )
     write: Path | None = flag(
         None,

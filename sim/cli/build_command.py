@@ -72,7 +72,7 @@ class BuildRequest:
         metavar="FILE",
     )
     nodes: int | None = flag(
-        None, "Nodes.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
+        None, "Nodes of the roadmap.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
     )
     neighbors: int | None = flag(
         None, "Edges tried per node.", panel=_COST, limits=Limits(1, 1000)

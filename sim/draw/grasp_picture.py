@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import GraspSet, load_hand
+from roadmap.transforms import pose_of_flat
 from sim.draw.style import (
     AMBER,
     FAINT,
@@ -68,7 +69,7 @@ def hand_triangles(grasps: GraspSet, row: int) -> np.ndarray:
             mesh = trimesh.creation.capsule(length, margin, [_SECTIONS, _SECTIONS])
             T[:3, 3] = points.mean(axis=0)
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
-        T = _pose(frame) @ T
+        T = pose_of_flat(frame) @ T
         corners = np.asarray(mesh.triangles)
         found.append(corners @ T[:3, :3].T + T[:3, 3])
     return np.concatenate(found)
@@ -123,9 +124,3 @@ def _frame(axis: object, points: np.ndarray) -> None:
     show_box(axis, points.min(axis=0), points.max(axis=0))
     axis.set_box_aspect((1, 1, 1), zoom=1.3)
     axis.set_axis_off()
-
-
-def _pose(frame: np.ndarray) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = frame[:9].reshape(3, 3), frame[9:]
-    return T

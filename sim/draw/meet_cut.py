@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from handover import Human, InteractionWorkspace, Part, ReachMap, Target
+from roadmap.geometry.gaps import moved_rods
 from roadmap.geometry.self_collision import configuration_free
 from roadmap.robot.robot import Robot
-from sim.draw.silhouette import moved_capsules
 
 TALL_BASE = 0.5  # [m] a robot whose own base is higher stands on the floor
 TABLE = 0.75  # [m] else its base is this high above it
@@ -147,4 +147,4 @@ def _in_the_way(
     taking = meet.human.with_arm(side, target.arm_q)
     own = {Part[f"{side}_{p}".upper()] for p in ("hand", "forearm")}
     keep = np.array([Part(int(label)) not in own for label in taking.labels])
-    return moved_capsules(T_base_world, taking.capsules_of("mean")[keep])
+    return moved_rods(taking.capsules_of("mean")[keep], T_base_world)

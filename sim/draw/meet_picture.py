@@ -10,9 +10,10 @@ import numpy as np
 
 from handover import Human, InteractionWorkspace
 from handover.meet.settings import PARTS
+from roadmap.geometry.gaps import moved_rods
 from roadmap.robot.robot import Robot
 from sim.draw.meet_cut import Meeting, fine_workspace, layer_at, quality_by_position
-from sim.draw.silhouette import Silhouette, moved_capsules, robot_silhouette
+from sim.draw.silhouette import Silhouette, robot_silhouette
 from sim.draw.style import (
     AXES,
     BODY,
@@ -112,7 +113,7 @@ class _Scene:
         if meeting.drawn is not None:
             target = meeting.best[meeting.drawn]
             human, q = meeting.taking, meeting.robot_q[meeting.drawn]
-            rods = moved_capsules(target.T_world_object, fine.obj.capsules)
+            rods = moved_rods(fine.obj.capsules, target.T_world_object)
             self.held, self.at = Silhouette(rods), target.T_world_tool[:3, 3]
         elif meeting.best:
             self.at = meeting.best[0].T_world_tool[:3, 3]

@@ -98,14 +98,6 @@ def balls_silhouette(centers: np.ndarray, radii: np.ndarray) -> Silhouette:
     return Silhouette(np.column_stack([centers, centers, radii]))
 
 
-def moved_capsules(T: np.ndarray, capsules: np.ndarray) -> np.ndarray:
-    """Return capsules (k, 7) of a frame in the one that T (4, 4) leads to."""
-    moved = np.array(capsules, float)
-    for at in (slice(0, 3), slice(3, 6)):
-        moved[:, at] = capsules[:, at] @ T[:3, :3].T + T[:3, 3]
-    return moved
-
-
 def _outside(points: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Return how far places are beyond the nearest side of a convex hull."""
     try:

@@ -11,7 +11,7 @@ from odm import CellMap, ReactivePlanner
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import capsule_gap
+from roadmap.geometry.gaps import capsule_gap, moved_rods
 from roadmap.robot.robot import Robot
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT
@@ -275,14 +275,8 @@ def _goes_both_ways(setup: ToolSetup, case: LadderCase, apart: float) -> bool:
     found = in_reach(setup, case.of("receive"))
     if found is None:
         return False
-    tool = placed(setup.obj, found.target.T_world_object)
+    tool = moved_rods(setup.obj.capsules, found.target.T_world_object)
     at_rest = case.body().capsules()
     if min(capsule_gap(a, b) for a in tool for b in at_rest) < apart:
         return False
     return in_reach(setup, case.of("give")) is not None
-
-
-def placed(tool: HeldObject, T: np.ndarray) -> np.ndarray:
-    """Return a tool's capsules (k, 7) at a pose (4, 4) [m]."""
-    ends = [tool.capsules[:, k : k + 3] @ T[:3, :3].T + T[:3, 3] for k in (0, 3)]
-    return np.column_stack([*ends, tool.capsules[:, 6]])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadmap.arrays import frozen
+from roadmap.transforms import rotation_rpy
 from sim.people.human_motion import HumanMotion
 
 
@@ -61,7 +62,5 @@ class Placed:
 
 def turned(capsules: np.ndarray, yaw: float) -> np.ndarray:
     """Return capsules (k, 7) turned about the z axis of the base by `yaw` [rad]."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    ends = capsules[:, :6].reshape(-1, 3) @ R.T
+    ends = capsules[:, :6].reshape(-1, 3) @ rotation_rpy(0.0, 0.0, yaw).T
     return np.column_stack([ends.reshape(-1, 6), capsules[:, 6]])

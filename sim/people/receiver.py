@@ -6,6 +6,7 @@ import numpy as np
 
 from handover.plans.limb import AgentModel, Part, agent_model
 from roadmap.errors import BadInput
+from roadmap.transforms import rotation_rpy
 
 REACH = "approach"  # the motion that brings the receiver's hand to the object
 _TURN = np.radians(1.0) / 0.01  # [rad/m] that it is turned where it stands elsewhere
@@ -116,9 +117,8 @@ def elsewhere(T_world_base: np.ndarray, aside: float, seed: int) -> np.ndarray:
         seed: Same seed, same place.
     """
     x, y, turn = np.random.default_rng(seed).uniform(-aside, aside, 3)
-    c, s = np.cos(_TURN * turn), np.sin(_TURN * turn)
     T = np.array(T_world_base, float)
-    T[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ T[:3, :3]
+    T[:3, :3] = rotation_rpy(0.0, 0.0, _TURN * turn) @ T[:3, :3]
     T[:2, 3] += x, y
     return T
 

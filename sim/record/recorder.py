@@ -2,7 +2,7 @@
 
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +14,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from roadmap import unfinished
 from roadmap.errors import BadInput
+from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
 from sim.record.file import write_record
@@ -188,21 +189,16 @@ class Recorder:
                 arrays[name] = rows
                 arrays |= {} if offsets is None else {f"{name}_at": offsets}
         arrays |= {name: c.rows(n) for name, c in self._columns.items()}
-        robot = self.cell_map.robot
-        arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
         head = self._head() | {"outcome": self._outcome(arrays)}
         if self._beside is not None:
             arrays |= self._beside.arrays(n)
             head |= self._beside.head()
         if self._scene:
             head["scene"] = self._scene
-        found = RunRecord(head, arrays)
-        head["outcome"]["trajectory_sha256"] = found.result().fingerprint()
-        return found
+        return sealed(head, arrays, self.cell_map.robot)
 
     def _head(self) -> dict:
-        loop, cell_map = self.loop, self.cell_map
-        motion, planner = loop.motion, loop.planner
+        loop, motion, planner = self.loop, self.loop.motion, self.loop.planner
         return {
             "kind": "odm run",
             "format": self._format(),
@@ -217,15 +213,7 @@ class Recorder:
                 "always_replan": planner.always_replan,
                 "settings": asdict(planner.settings),
             },
-            "map": {
-                "name": cell_map.recipe.name,
-                "hash": cell_map.hash,
-                "recipe": cell_map.recipe.for_map(),
-            },
-            "robot": cell_map.robot.meta(),
-            "status_names": list(STATUS),
-            "pace_names": list(self._paces),
-            "versions": versions(),
+            **common_head(self.cell_map, self._paces),
         }
 
     def _format(self) -> int:
@@ -270,6 +258,40 @@ class Recorder:
                 row = {"start_s": a / rate, "end_s": b / rate, "pace": name}
                 rows.append(row | {"reason": told[0] if told else ""})
         return rows
+
+
+def common_head(cell_map: CellMap, paces: Sequence[str]) -> dict:
+    """Return what the head of every recording tells of the map, codes and versions.
+
+    Args:
+        cell_map: The map of the robot.
+        paces: What the codes of "pace" stand for, in order.
+    """
+    return {
+        "map": {
+            "name": cell_map.recipe.name,
+            "hash": cell_map.hash,
+            "recipe": cell_map.recipe.for_map(),
+        },
+        "robot": cell_map.robot.meta(),
+        "status_names": list(STATUS),
+        "pace_names": list(paces),
+        "versions": versions(),
+    }
+
+
+def sealed(head: dict, arrays: dict[str, np.ndarray], robot: Robot) -> RunRecord:
+    """Return a recording with the robot's arrays and its fingerprint.
+
+    Args:
+        head: With an "outcome", where the fingerprint is written.
+        arrays: Of the frames, by name; the robot's are added.
+        robot: The robot.
+    """
+    arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
+    made = RunRecord(head, arrays)
+    head["outcome"]["trajectory_sha256"] = made.result().fingerprint()
+    return made
 
 
 def versions() -> dict[str, str]:

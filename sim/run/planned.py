@@ -6,13 +6,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from handover.plans.limb import agent_model
-from handover.scenes.plan_file import read_plan
+from handover.scenes.plan_file import read_plan, read_shape
 from odm import CellMap, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of_flat
 from sim.loop.loop import Frame, Loop, LoopSettings
 from sim.loop.run_result import RunResult
 from sim.people.receiver import PlannedReceiver, motion_of
@@ -116,7 +116,7 @@ class PlanTask:
         planner = ReactivePlanner(self.cell_map)
         T = np.linalg.inv(np.array(self.record["giver"]["T_world_base"]))
         for entry in self.record["scenery"]:
-            planner.scene.add(f"plan {entry['name']}", shape_of(entry), T)
+            planner.scene.add(f"plan {entry['name']}", read_shape(entry), T)
         set_up_scene(planner, self.request.scene)
         planner.scene.test_waiting()
         return planner
@@ -177,9 +177,7 @@ def check_giver(record: Mapping, robot: Robot) -> None:
         else:
             q = np.array([joints[name] for name in robot.joint_names])
             body = model.tree.link_body[robot.tip_name]
-            frame = model.frames(joints)[body]
-            T = np.eye(4)
-            T[:3, :3], T[:3, 3] = frame[:9].reshape(3, 3), frame[9:]
+            T = pose_of_flat(model.frames(joints)[body])
             T = T @ model.tree.T_body_link[robot.tip_name]
             if np.abs(T - tool_pose(robot, q)).max() > _SAME:
                 trouble = f"has its {robot.tip_name} elsewhere at the same joints"
@@ -194,16 +192,3 @@ def configurations(motion: Mapping, robot: Robot) -> np.ndarray:
     """Return the robot's joints (n, dof) along a motion of a plan."""
     columns = [motion["joints"].index(name) for name in robot.joint_names]
     return np.array(motion["positions"], float)[:, columns]
-
-
-def shape_of(entry: Mapping) -> Shape:
-    """Return a shape of a plan's record, at its pose."""
-    at = np.array(entry["pose"], float)
-    if entry["type"] == "box":
-        return Box(np.array(entry["size"], float), at)
-    if entry["type"] == "sphere":
-        return Sphere(float(entry["radius"]), at)
-    if entry["type"] == "mesh":
-        return Mesh(np.array(entry["vertices"], float), np.array(entry["faces"]), at)
-    kind = {"capsule": Capsule, "cylinder": Cylinder}[entry["type"]]
-    return kind(float(entry["radius"]), float(entry["length"]), at)

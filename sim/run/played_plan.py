@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from handover.scenes.agent_body import AgentBody, agent_body
-from handover.scenes.plan_file import WHO, duration, read_plan
+from handover.scenes.plan_file import WHO, duration, read_plan, read_shape
 from handover.scenes.scene import Fixture
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput
-from sim.run.planned import shape_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +47,7 @@ class PlayedPlan:
     def object_shapes(self, T_world_object: np.ndarray) -> list[Shape]:
         """Return the object's parts at a pose (4, 4), world frame [m]."""
         parts = self.record["object"]["parts"]
-        return [shape_of(entry).moved(T_world_object) for entry in parts]
+        return [read_shape(entry).moved(T_world_object) for entry in parts]
 
     def facts(self) -> dict:
         """Return who does what and when [s], as plain data."""
@@ -77,7 +76,7 @@ def read_played(path: str | Path) -> PlayedPlan:
     record = read_plan(path)
     try:
         agents = [_standing(record[who]) for who in WHO]
-        named = [(e["name"], shape_of(e)) for e in record["scenery"]]
+        named = [(e["name"], read_shape(e)) for e in record["scenery"]]
         played = PlayedPlan(record, *agents, tuple(Fixture(*each) for each in named))
         played.object_shapes(np.eye(4))
         played.facts()

@@ -14,7 +14,18 @@ from sim.terminal.checks import (
     Limits,
     Writes,
 )
-from sim.terminal.flags import Json, MapOption, Seed, flag, flags_of
+from sim.terminal.flags import (
+    Host,
+    JointNames,
+    Json,
+    MapOption,
+    MocapFile,
+    Port,
+    Seed,
+    Token,
+    flag,
+    flags_of,
+)
 
 if TYPE_CHECKING:
     from handover.meet.held_object import HeldObject
@@ -51,7 +62,7 @@ class RunRequest:
     seed: Seed = 0
     rate: float = flag(100.0, "Frames per second.", limits=RATE)
     out: Path | None = flag(
-        None, "Write all pictures there.", metavar="DIR", writes=PICTURES
+        None, "Folder for all pictures.", metavar="DIR", writes=PICTURES
     )
     plot: Path | None = flag(
         None, "Write the latency plot.", metavar="PNG", writes=PICTURE
@@ -59,10 +70,8 @@ class RunRequest:
     animation: Path | None = flag(
         None, "Write a short film.", metavar="GIF", writes=FILM
     )
-    file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
-    mapping: Path | None = flag(
-        None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
-    )
+    file: MocapFile = None
+    mapping: JointNames = None
     stand: tuple[float, float, float] | None = flag(
         None,
         "Where the recorded person stands: m, m, degrees.",
@@ -102,7 +111,7 @@ class RunRequest:
         limits=Limits(0.1, 5.0, "m"),
     )
     held: str | None = flag(
-        None, "What the robot holds (meet).", "--object", metavar="wrench|mallet"
+        None, "Object that the robot holds (meet).", "--object", metavar="wrench|mallet"
     )
     hand: str | None = flag(
         None, "Hand of the person (meet).", "--side", metavar="right|left"
@@ -121,7 +130,7 @@ class RunRequest:
     )
     carry: float | None = flag(
         None,
-        "Radius of a ball in its hand, in m; see docs/layers.md.",
+        "Radius of a ball that the robot carries, in m; see docs/layers.md.",
         metavar="R",
         limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
@@ -152,11 +161,9 @@ class RunRequest:
     view: bool = flag(
         False, "Watch it on a page in the browser, at the clock's pace.", "--view"
     )
-    port: int | None = flag(None, "Port of the page (--view); 0: any free one.  [8080]")
-    host: str | None = flag(
-        None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
-    )
-    token: str | None = flag(None, "Visitors must give it (--view); see odm view.")
+    port: Port = None
+    host: Host = None
+    token: Token = None
     json: Json = None
     audit_s: float = 1.0
 

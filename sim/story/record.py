@@ -8,6 +8,7 @@ import numpy as np
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import moved_rods
 from sim.loop.run_result import STATUS, holds_of
 from sim.record.people import (
     body_told,
@@ -18,7 +19,7 @@ from sim.record.people import (
     person_of,
 )
 from sim.record.record_check import BadRecord
-from sim.record.recorder import PACES, versions
+from sim.record.recorder import PACES, common_head, sealed
 from sim.record.run_record import STORY, RunRecord
 from sim.story.cases import StorySetup
 from sim.story.frame import StoryFrame
@@ -57,11 +58,8 @@ class StoryRecorder:
             raise BadInput("no frame was run, so there is nothing to record")
         run, setup = self.run, self.run.setup
         arrays = self._arrays()
-        robot = setup.cell_map.robot
-        arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
         head = self._head() | {"outcome": self._outcome(arrays)}
-        made = RunRecord(head, arrays)
-        head["outcome"]["trajectory_sha256"] = made.result().fingerprint()
+        made = sealed(head, arrays, setup.cell_map.robot)
         head["outcome"]["story_sha256"] = fingerprint(
             arrays["q"], arrays["story.state"]
         )
@@ -75,7 +73,7 @@ class StoryRecorder:
         for m in moments:
             thing = np.tile(_FAR, (len(obj.capsules), 1))
             if m.T_object is not None:
-                thing = _moved(obj.capsules, m.T_object)
+                thing = moved_rods(obj.capsules, m.T_object)
             rows.append(np.vstack([m.capsules, thing]))
         humans = [m.frame.human for m in moments]
         nowhere = np.full((4, 4), np.nan)
@@ -110,7 +108,7 @@ class StoryRecorder:
 
     def _head(self) -> dict:
         run, setup = self.run, self.run.setup
-        cell_map, case, story = setup.cell_map, run.case, run.story
+        case, story = run.case, run.story
         human = self.moments[0].frame.human
         executor = story.executor.settings
         told = {
@@ -133,16 +131,8 @@ class StoryRecorder:
             "settings": {"rate_hz": RATE, "seed": case.seed}
             | {"speed_scale": executor.speed_scale},
             "planner": {"settings": asdict(run.planner.settings)},
-            "map": {
-                "name": cell_map.recipe.name,
-                "hash": cell_map.hash,
-                "recipe": cell_map.recipe.for_map(),
-            },
-            "robot": cell_map.robot.meta(),
-            "status_names": list(STATUS),
-            "pace_names": list(PACES),
             "story": told,
-            "versions": versions(),
+            **common_head(setup.cell_map, PACES),
         }
 
     def _outcome(self, arrays: dict[str, np.ndarray]) -> dict:
@@ -265,10 +255,3 @@ def _seen(arrays: dict[str, np.ndarray], i: int) -> dict[str, np.ndarray]:
         return {}
     capsules, labels = arrays["story.tracked"][i], arrays["story.labels"][i]
     return {"capsules": capsules, "labels": labels}
-
-
-def _moved(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:
-    rows = np.array(capsules)
-    for at in (slice(0, 3), slice(3, 6)):
-        rows[:, at] = rows[:, at] @ T[:3, :3].T + T[:3, 3]
-    return rows

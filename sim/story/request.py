@@ -5,7 +5,18 @@ from pathlib import Path
 
 from sim.run.request import file_trouble, page_trouble
 from sim.terminal.checks import FILM, PICTURES, SECONDS, Limits, Writes
-from sim.terminal.flags import Json, Seed, Threads, argument, flag
+from sim.terminal.flags import (
+    Host,
+    JointNames,
+    Json,
+    MocapFile,
+    Port,
+    Seed,
+    Threads,
+    Token,
+    argument,
+    flag,
+)
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
 PANDA, ARMAR3 = "panda", "armar3"  # robots of the maintenance demo
@@ -41,10 +52,8 @@ class DemoRequest:
         "recording (--file), or keys, which move the arm that takes.",
         metavar="scripted|mocap|keyboard",
     )
-    file: Path | None = flag(None, "Recorded motion, for mocap.", metavar="CSV|BVH")
-    mapping: Path | None = flag(
-        None, "Names of its joints; see docs/mocap.md.", metavar="TOML"
-    )
+    file: MocapFile = None
+    mapping: JointNames = None
     accept_defects: bool = flag(
         False,
         "Play a recording even where it shows what no person does (--file).",
@@ -97,11 +106,9 @@ class DemoRequest:
     view: bool = flag(
         False, "Watch the hand-over on a page in the browser, as it goes.", "--view"
     )
-    port: int | None = flag(None, "Port of the page (--view); 0: any free one.  [8080]")
-    host: str | None = flag(
-        None, "Address of the page (--view); see odm view --help.  [127.0.0.1]"
-    )
-    token: str | None = flag(None, "Visitors must give it (--view); see odm view.")
+    port: Port = None
+    host: Host = None
+    token: Token = None
     json: Json = None
 
     def __post_init__(self) -> None:

@@ -23,6 +23,29 @@ MapOption = Annotated[
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
 Threads = Annotated[int, typer.Option(min=0, help="Threads; 0: one per core.")]
 Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
+MocapFile = Annotated[
+    Path | None, typer.Option(metavar="CSV|BVH", help="Recorded motion, for mocap.")
+]
+JointNames = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="TOML", help="Joint names of the recording; see docs/mocap.md."
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(help="Port of the page (--view); 0: any free one.  [8080]"),
+]
+Host = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of the page (--view); see odm view --help.  [127.0.0.1]"
+    ),
+]
+Token = Annotated[
+    str | None,
+    typer.Option(help="Token that visitors must give (--view --host); see odm view."),
+]
 Posture = Annotated[
     str,
     typer.Option(

@@ -135,6 +135,55 @@ def test_a_scene_of_ones_own(tmp_path):
     assert [f.name for f in scene.scenery] == ["box 0"]
 
 
+SHELF = """shelf
+* shelf
+2
+box
+0.1 0.1 0.1
+1.0 2.0 0.5
+0 0 0 1
+0 0 0 0
+sphere
+0.2
+1.0 2.0 0.9
+0 0 0 1
+0 0 0 0
+.
+"""
+
+
+def test_scenery_of_a_scene_may_come_from_a_file(tmp_path):
+    (tmp_path / "shelf.scene").write_text(SHELF)
+    table = '[[scenery]]\ntype = "file"\nfile = "shelf.scene"\n'
+    scene = handover.load_scene(written(tmp_path, TEA + table + "position = [0, 0, 1]"))
+    assert [f.name for f in scene.scenery] == ["shelf", "shelf 2"]
+    heights = [f.shape.T_base_shape[2, 3] for f in scene.scenery]
+    assert heights == pytest.approx([1.5, 1.9])
+
+
+def test_the_start_is_tested_against_each_piece_of_one_name(tmp_path):
+    board = BOARD + 'name = "board"\n'
+    far = board.replace("0.7349", "5.0")
+    deep = TEA.replace("0.751", "0.740") + board + far
+    with pytest.raises(BadInput, match="cup meets board"):
+        handover.load_scene(written(tmp_path, deep))
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ('type = "box"', "tea.toml: scenery 0: size is None"),
+        ('type = "box"\nsize = [1, 1, 1]\nrpy = [90, 0, 0]', "looks like degrees"),
+        ('type = "plane"', "choose one of box, mesh"),
+        ('type = "mesh"\nfile = "no.stl"', "there is no mesh"),
+        ('type = "sphere"\nradius = 1\ncovering_radius = 0.01', "has no key"),
+    ],
+)
+def test_scenery_that_is_wrong_says_where(tmp_path, table, told):
+    with pytest.raises(BadInput, match=told):
+        handover.load_scene(written(tmp_path, f"{TEA}[[scenery]]\n{table}\n"))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
