@@ -30,6 +30,7 @@ from odm.owner import refuse_copy
 from odm.search import _frame as kernels
 from odm.search import _step as step
 from odm.search.state import DirectMap, exchange, lay_out
+from roadmap.arrays import is_lendable, lent
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
@@ -87,6 +88,7 @@ class Frame:
         world, world_ahead: Where the base stands; each has a buffer for points.
         base_world: (4, 4) the world's pose in the base frame, for compiled loops.
         q: (dof,) where the robot is.
+        q_taken: (dof,) what came last as q, as compiled loops take it.
         points: (n, 3) of the last frame, base frame [m]; copied. The samples of its
             shapes follow the points that were given.
         n_given: How many of the points were given; the rest are samples of shapes,
@@ -131,11 +133,8 @@ class Frame:
         self._taken = self._nothing.xyz
         self._asked: np.ndarray | None = self.q
         # views of them: who closes an array to writing later does not close these
-        self._points_view, self._q_view = self._nothing.xyz[:], self.q[:]
+        self._points_view, self.q_taken = self._nothing.xyz[:], self.q[:]
         self._copies_q, self._dof = False, cell_map.robot.dof
-        self._q_given = np.zeros(
-            self._dof
-        )  # a copy of what came last, where it needs one
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -200,18 +199,25 @@ class Frame:
             self._taken = points
             self._points_view = points[:]
         points = self._points_view
-        if q is not self._asked or len(q) != self._dof or dq is not None:
-            given, q = q, check_configuration(self.robot, q, dq)
-            self._asked = given if type(given) is np.ndarray else None
-            self._copies_q, self._q_view = q is not given, q[:]
-        elif self._copies_q:  # a read-only array is of another type to compiled loops
-            self._q_given[:] = q
-            q = self._q_given
-        else:
-            q = self._q_view
+        q = self.asked(q, dq)
         self.classes = None if classes is None else check_classes(classes, len(points))
         self.obstacles = obstacles
         return points, q
+
+    def asked(self, q: np.ndarray, dq: np.ndarray | None = None) -> np.ndarray:
+        """Return q as compiled loops take it, which is kept as `q_taken`."""
+        if q is self._asked and len(q) == self._dof and dq is None:
+            if self._copies_q:  # such as float32: compiled loops take float64
+                self.q_taken[:] = q
+            return self.q_taken
+        given, q = q, check_configuration(self.robot, q, dq)
+        self._asked, self._copies_q = given, q is not given
+        if type(given) is not np.ndarray:
+            self._asked = None
+        elif self._copies_q and is_lendable(given):
+            q, self._copies_q = lent(given), False
+        self.q_taken = q[:]  # who closes q to writing later does not close a view
+        return self.q_taken
 
     def take(
         self,
@@ -236,16 +242,49 @@ class Frame:
         told = _AS_THE_MAP if plain else (covering_radius, rounding)
         if told is not self.sampled and told != self.sampled:
             self.set_sampling(told)
-        obstacles, memory = self.obstacles, self.memory
         self.n_given = len(points)
-        if obstacles is None:
+        if self.obstacles is None:
             return self._take_points(points, stamp, now, q)
-        if obstacles is not self._known:
-            self._know(obstacles)
-            memory = self.memory
+        if self.obstacles is not self._known:
+            self._know(self.obstacles)
         if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
-        room, now_seen, trouble = self._buffers[self._buffer], self.points, None
+        return self._take_shapes(points, stamp, now, q)
+
+    def take_again(self, obstacles: Obstacles, q: np.ndarray) -> int | None:
+        """Take and answer a frame that comes by the same arrays as the last one.
+
+        Nothing but these may be told with it. It is checked and laid out already, which
+        is most of what Python does for a frame.
+
+        Returns:
+            As `take`; None where it is another frame than the last, and was not taken.
+        """
+        points = obstacles.points
+        if (
+            obstacles is not self._known
+            or points is not self._taken
+            or len(points) != self.n_given
+            or obstacles.classes is not None
+            or self.classes is not None
+            or self.sampled is not _AS_THE_MAP
+            or self.watch.seen_inside is not None
+        ):
+            return None
+        if q is not self._asked or self._copies_q or len(q) != self._dof:
+            self.asked(q)
+        return self._take_shapes(self._points_view, None, None, self.q_taken)
+
+    def _take_shapes(
+        self,
+        points: np.ndarray,
+        stamp: float | None,
+        now: float | None,
+        q: np.ndarray | None,
+    ) -> int:
+        """Take a frame with shapes that are laid out; see `take`."""
+        obstacles, memory = self.obstacles, self.memory
+        room, now_seen = self._buffers[self._buffer], self.points
         table, data, counts = memory.table, obstacles.data, obstacles.counts
         if q is not None and now_seen.base is room:
             n_before = len(now_seen)
@@ -256,12 +295,19 @@ class Frame:
             n = memory.numbers.taken.item()
         else:
             n = kernels.begin_shapes(table, points, data, counts, room)
-        if n != len(now_seen) or now_seen.base is not room:  # others than before
+        self._take_rest(n, points, stamp, now)
+        return step.NOT_ASKED
+
+    def _take_rest(
+        self, n: int, points: np.ndarray, stamp: float | None, now: float | None
+    ) -> None:
+        """Judge what `begin_shapes` took, which returned `n`."""
+        trouble, now_seen = None, self.points
+        if n != len(now_seen) or now_seen.base is not self._buffers[self._buffer]:
             trouble = self._take_others(n, points)
         if trouble is None:
             trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
         self.trouble = trouble
-        return step.NOT_ASKED
 
     def _take_points(
         self,

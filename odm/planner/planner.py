@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from threading import get_ident
 from time import perf_counter_ns
 from typing import NoReturn
 
@@ -460,11 +461,23 @@ class ReactivePlanner:
                 samples it, which takes 10 to 300 ms.
         """
         begun, frame = perf_counter_ns(), self.frame
-        if type(points) is PointCloud:
-            covering_radius, points = points.covering_radius, points.points
-        points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
-        at_once = q if self.decision.begin() else None
-        said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
+        said = None
+        if (
+            points is frame.obstacles is not None
+            and dq is labels is stamp is now is None
+            and covering_radius is rounding is classes is None
+            and get_ident() == self._memory.owner.thread
+            and self.decision.begin()
+        ):
+            said = frame.take_again(points, q)
+        if said is not None:
+            q = frame.q_taken
+        else:
+            if type(points) is PointCloud:
+                covering_radius, points = points.covering_radius, points.points
+            points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
+            at_once = q if self.decision.begin() else None
+            said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
         if not closed:
             shapes = frame.obstacles is not None and frame.n_given == 0
             closed = shapes or labels is not None
