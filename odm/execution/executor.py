@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from odm.checks import as_floats
 from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
@@ -32,10 +33,12 @@ from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
+from roadmap.ranges import check_number
 from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
+_COMES = "somebody comes"
 _TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
 
 
@@ -76,12 +79,13 @@ class Executor:
         pace: PaceSettings = PaceSettings(),
     ) -> None:
         """Stand at q."""
-        self.robot, self.planner, self.period = robot, planner, period
+        self.robot, self.planner = robot, planner
+        self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
         s = self.settings = settings or ExecutionSettings()
         self.pace, self._lower, self._last_level = pace, s.lower, s.levels - 1
         self.scales = s.speed_scale * s.lower ** np.arange(s.levels)
         self._shares = (self.scales / self.scales[0]).tolist()
-        self.motion, self.t = time_path(robot, q[None]), 0.0
+        self.motion, self.t = time_path(robot, as_floats("q", q)[None]), 0.0
         self.held: Motion | None = None
         self.held_t = 0.0
         self.state, self.reason = STANDING, ""
@@ -94,16 +98,15 @@ class Executor:
             self._blend = min(self._blend, safety.blending)
         share = max(tracking - self.settings.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
-        self._separation = SeparationWatch(planner)
-        self._test = BrakingTest(planner)
+        self._test, self._separation = BrakingTest(planner), SeparationWatch(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None))
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
-        self._shells = ShellTest(planner)
+        self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
-        self._timed = TimedBefore()
-        self.timed_path = False
-        self._looked = False  # whether this frame looked if somebody comes
+        self.timed_path = self._looked = (
+            False  # the second: whether this frame looked if somebody comes
+        )
         self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
@@ -301,7 +304,7 @@ class Executor:
         Raises:
             BadInput: Another shape.
         """
-        q = np.asarray(q, float)
+        q = as_floats("the measured q", q)
         if q.shape != (self.robot.dof,):
             raise BadInput(
                 f"the measured q has shape {q.shape}, but the robot {self.robot.dof} "
@@ -371,6 +374,8 @@ class Executor:
             self._evading = not self.at_rest
             if self._evading:
                 if self._evades_on(threat):
+                    # a frame may have been lost, and the stop taken meanwhile
+                    self.state, self.reason = RETREATING, _COMES
                     return True
                 self._evading = False
                 self._stop_and_stand()
@@ -435,7 +440,7 @@ class Executor:
             if self._evasion_free(motion, 0.0, threat):
                 self._take(motion)
                 self._evading, self._on_path = True, False
-                self.state, self.reason = RETREATING, "somebody comes"
+                self.state, self.reason = RETREATING, _COMES
                 return True
             if stands and k + 1 < len(shares):
                 self._left = path, shares[k + 1 :]
@@ -660,18 +665,23 @@ class Executor:
     ) -> bool:
         """Whether the stop test passes.
 
-        A motion away from a near person may use the clearance down to `yield_gap`: a
+        A motion away from who is near may use the clearance down to `yield_gap`: a
         robot that stands too near to somebody is not safer there than on its way from
-        them.
+        them. Who is not near may speed up as hard as ever (decision 0115).
         """
         if self._stop_free(motion, t, threat, delay):
             return True
         if self.off or not isinstance(threat, Threat):
             return False
         begin, stop = self._stop_behind(motion, t)
-        if not self._test.leads_away(motion, t, begin, stop, threat):
+        left = self._test.left_behind(motion, t, begin, stop, threat)
+        if left is None:
             return False
         closer = max(self._clearance - self.settings.yield_gap, 0.0)
+        if threat.expects_harder and not left.all():
+            others = threat.of(~left)
+            if not self._test.passes(motion, t, begin, stop, others, closer):
+                return False
         return self._stop_free(motion, t, threat.as_lately(), closer=closer)
 
     def _stop_free(

@@ -13,7 +13,7 @@ import numpy as np
 from odm.execution.settings import ExecutionSettings, PaceSettings, StopTestSettings
 from odm.execution.threat import Moving, Threat, ThreatSettings
 from odm.obstacles.obstacles import Obstacles
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls
 from roadmap.motion.motion import Motion
 from roadmap.robot.robot import Robot
@@ -91,16 +91,16 @@ class BrakingTest:
             return False
         return self._clear(stop, 0.0, stop.duration, before, threat, closer)
 
-    def leads_away(
+    def left_behind(
         self, motion: Motion, t: float, begin: float, stop: Motion, threat: Threat
-    ) -> bool:
-        """Whether the robot comes nearer to no near person until it stands.
+    ) -> np.ndarray | None:
+        """Return (k,) which parts of the person are near and left by a motion.
 
         Each sphere of the cover is compared with each part of the person, who is where
         they are expected in the middle of the time, grown by how far they may come if
-        they speed up no harder than so far. Of all pairs that are near anywhere, none
-        may come nearer from place to place. This tells which motions lead away; whether
-        they touch the person is what `passes` tells.
+        they speed up no harder than so far. A part that is near anywhere must come
+        nearer to no sphere from place to place until the robot stands; else None. This
+        tells what a motion leads away from; whether they touch is what `passes` tells.
 
         Args:
             motion: The motion in use.
@@ -111,22 +111,22 @@ class BrakingTest:
         """
         time = max(begin - t, 0.0) + stop.duration
         there, more = threat.as_so_far().between(0.0, time)
-        static = getattr(
-            self.planner, "static", None
-        )  # it may answer `blocked_leg` alone
-        if static is None or not math.isfinite(more) or not len(there.capsules):
-            return False
-        robot = static.robot
-        near = self.planner.cell_map.safety.m + self.settings.near
-        before = None
+        # what answers `blocked_leg` alone knows no frame
+        frame = getattr(self.planner, "frame", None)
+        if frame is None or not math.isfinite(more) or not len(there.capsules):
+            return None
+        robot = frame.robot
+        rods = moved_rods(there.capsules, frame.base_world)
+        keeps = frame.cell_map.safety.m + self.settings.near
+        before, found = None, np.zeros(len(rods), bool)
         for s in np.linspace(motion.place(t), stop.length, self.settings.places):
             balls = cover_balls(robot, motion.path.at(s)[0])[robot.moving]
-            gaps = ball_gaps(balls, there.capsules)
-            nearer = before is not None and gaps < before - _ROUNDING
-            if (nearer & (gaps < near)).any():
-                return False
-            before = gaps
-        return True
+            gaps = ball_gaps(balls, rods)
+            near = gaps < keeps
+            if before is not None and (near & (gaps < before - _ROUNDING)).any():
+                return None
+            before, found = gaps, found | near.any(axis=0)
+        return found
 
     def _clear(
         self,

@@ -52,10 +52,12 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from typing import Protocol
 
 import numpy as np
 
+from odm.checks import as_floats
 from odm.execution._threat import (
     Ability,
     Tracks,
@@ -65,6 +67,7 @@ from odm.execution._threat import (
 )
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
+from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
@@ -290,13 +293,18 @@ class Threat:
             error = error + more
         return replace(self, most=most, error=error, jerk=0.0)
 
+    @property
+    def expects_harder(self) -> bool:
+        """Whether the person may accelerate harder from now on than so far."""
+        return (self.settings.jerk if self.jerk is None else self.jerk) > 0.0
+
     def as_so_far(self) -> "Threat":
         """Return the threat of a person who accelerates no harder than so far.
 
         For a robot that is quick to stop, and for one that gets out of their way:
         expected to do more, they would keep it where they touch it.
         """
-        if not (self.settings.jerk if self.jerk is None else self.jerk):
+        if not self.expects_harder:
             return self
         return replace(self, jerk=0.0)
 
@@ -468,9 +476,20 @@ class Watcher:
         Args:
             capsules: (k, 7) person: a, b, radius [m]; the same parts in every frame.
             now: Time of the capsules [s].
-            age: Age of the capsules [s].
+            age: Age of the capsules [s]; None: not known, they may be anywhere.
+
+        Raises:
+            BadInput: No (k, 7) numbers, or a time that is no number.
         """
-        capsules = np.array(capsules, np.float64)
+        capsules = np.array(as_floats("the person's capsules", capsules))
+        if capsules.ndim != 2 or capsules.shape[1] != 7:
+            raise BadInput(
+                f"the person's capsules have shape {capsules.shape}; give (k, 7): two "
+                "ends and a radius [m] of each part, (0, 7) for nobody"
+            )
+        for name, value in (("now", now), ("the age of the capsules", age)):
+            if not isinstance(value, Real | None):
+                raise BadInput(f"{name} is {value!r}; give seconds as a number")
         ends = np.ascontiguousarray(capsules[:, :6])  # one layout, one compiled loop
         self._follow(ends.reshape(-1, 2, 3), now)
         self._measure(now)

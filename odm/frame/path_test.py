@@ -1,6 +1,7 @@
 """Whether a path up to the stop is free of all places where the person may be."""
 
 import math
+from numbers import Real
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from odm.frame.last_phase import LastPhase
 from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import short_ways
 
 
 class PathTest:
@@ -39,9 +41,11 @@ class PathTest:
     ) -> int | None:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
-        path = check_path(frame.robot, path)
+        path = short_ways(frame.robot, check_path(frame.robot, path))
         if np.ndim(extra) > 0:
             raise BadInput("extra is an array; give metres, and points after it")
+        if not isinstance(extra, Real | np.ndarray):
+            raise BadInput(f"extra is {extra!r}; give metres, 0 for none")
         least = -(frame.cell_map.safety.m + frame.extra)
         if -math.inf < extra < least - 1e-9:
             raise BadInput(

@@ -10,6 +10,7 @@ person who stands there does, too, so two things tell them apart (decision 0029)
 """
 
 import math
+from numbers import Real
 from typing import Protocol
 
 import numpy as np
@@ -97,7 +98,7 @@ class SensorWatch:
                 "anywhere; check the sensor"
             )
         if stamp is not None or now is not None:
-            if isinstance(stamp, str) or isinstance(now, str):
+            if not (_is_time(stamp) and _is_time(now)):
                 raise BadInput(
                     f"stamp is {stamp!r} and now is {now!r}; give seconds as numbers"
                 )
@@ -184,3 +185,8 @@ class SensorWatch:
             "and nobody leaves that fast; check the unit and the frame of the points, "
             "and whether the sensor lost someone"
         )
+
+
+def _is_time(value: object) -> bool:
+    """Return whether a time is a number, or left out; numpy's numbers are, too."""
+    return value is None or isinstance(value, Real)

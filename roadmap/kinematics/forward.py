@@ -53,6 +53,15 @@ def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.nda
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
+def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
+    """Return corners (k, dof), each by the shorter turn from the one before."""
+    if not robot.continuous.any():
+        return path
+    with np.errstate(invalid="ignore"):  # after what is infinite nothing is known
+        legs = difference(robot, path[:-1], path[1:])
+        return np.concatenate([path[:1], path[0] + np.cumsum(legs, axis=0)])
+
+
 def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return q (..., dof) with its continuous joints in [-pi, pi), copied."""
     if not robot.continuous.any():

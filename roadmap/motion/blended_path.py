@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import short_ways
 from roadmap.motion.blending import (
     Piece,
     blend_path,
@@ -260,8 +260,7 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
             f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
         )
     check_values(robot, path, "the path")
-    path[1:] = path[0] + np.cumsum(difference(robot, path[:-1], path[1:]), axis=0)
-    return path
+    return short_ways(robot, path)
 
 
 def check_scale(scale: float, of: str = "speed") -> None:

@@ -1,5 +1,6 @@
 """A robot that moves away from who is near is not braked for them as one that comes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 import odm
 from odm.execution.executor import BRAKED, Executor
 from odm.execution.threat import Threat, ThreatSettings
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls
+from roadmap.transforms import pose_of
 
 START = np.array([0.0, 0.6, 0.0])
 AWAY, NEARER = np.array([0.8, 0.6, 0.0]), np.array([-0.8, 0.6, 0.0])
@@ -36,6 +38,13 @@ class Beside:
         robot = self.robot
         balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         return float(ball_gaps(balls, self.ball()).min())
+
+    def to_robot(self):
+        """Return the direction from the ball to the nearest sphere."""
+        robot = self.robot
+        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
+        nearest = balls[ball_gaps(balls, self.ball())[:, 0].argmin(), :3]
+        return (nearest - self.place) / np.linalg.norm(nearest - self.place)
 
     def ball(self):
         return np.array([[*self.place, *self.place, self.radius]])
@@ -73,23 +82,62 @@ def test_it_comes_no_nearer_to_who_stands_just_beyond_its_clearance(small_map):
     assert scene.executor.state == BRAKED
 
 
+def left_by(scene, threat):
+    """Return which parts are near and left by a way, None: it leads to one."""
+    executor = scene.executor
+    answer = SimpleNamespace(status="following", path=scene.path, reason="")
+    executor.update(answer, executor.commit(), None)
+    begin, stop = executor._stop_behind(executor.motion, 0.05)
+    left = executor._test.left_behind(executor.motion, 0.05, begin, stop, threat)
+    return None if left is None else left.tolist()
+
+
 def test_which_way_leads_away_is_told_by_every_sphere_that_is_near(small_map):
     leads = {}
     for gap in (0.012, 0.4):
         for name, end in (("away", AWAY), ("nearer", NEARER)):
             scene = Beside(small_map, gap, end)
-            executor = scene.executor
-            answer = SimpleNamespace(status="following", path=scene.path, reason="")
-            executor.update(answer, executor.commit(), None)
-            begin, stop = executor._stop_behind(executor.motion, 0.05)
-            how = (executor.motion, 0.05, begin, stop, scene.threat())
-            leads[gap, name] = executor._test.leads_away(*how)
+            leads[gap, name] = left_by(scene, scene.threat())
     assert leads == {
-        (0.012, "away"): True,
-        (0.012, "nearer"): False,
-        (0.4, "away"): True,
-        (0.4, "nearer"): True,  # nobody is near
+        (0.012, "away"): [True],
+        (0.012, "nearer"): None,
+        (0.4, "away"): [False],
+        (0.4, "nearer"): [False],  # nobody is near
     }
+
+
+def test_a_robot_that_was_placed_leaves_the_same_people(small_map):
+    T = pose_of(np.array([3.0, -2.0, 0.5]), np.array([0.3, -0.2, 2.0]))
+    for gap in (0.012, 0.4):
+        for end in (AWAY, NEARER):
+            scene = Beside(small_map, gap, end)
+            threat = scene.threat()
+            told = left_by(scene, threat)
+            scene.planner.set_base(T)
+            seen = moved_rods(threat.capsules, T)
+            assert left_by(scene, replace(threat, capsules=seen)) == told
+
+
+def test_who_stands_in_its_way_may_thrust_and_touch_it_only_once_it_stands(small_map):
+    """They begin as hard as they may, and harder from then on as fast as they may."""
+    s, worst, touched = ThreatSettings(), np.inf, 0
+    for gap in (0.04, 0.08, 0.16):
+        for begins in range(4, 60, 8):
+            scene = Beside(small_map, gap, NEARER)
+            assert not scene.executor.quick  # a quick robot goes without the jerk
+            for k in range(110):
+                scene.frame()
+                if k >= begins:
+                    harder = s.acceleration + s.jerk * 0.01 * (k - begins)
+                    speed = np.linalg.norm(scene.velocity) + 0.01 * harder
+                    scene.velocity = min(speed, s.speed) * scene.to_robot()
+                    scene.place = scene.place + 0.01 * scene.velocity
+                if np.abs(scene.executor.set_point.dq).max() > 1e-3:
+                    worst = min(worst, scene.gap())
+                if scene.gap() <= 0.0:
+                    touched += 1
+                    break
+    assert touched and worst > 0.0
 
 
 def test_who_comes_after_it_as_hard_as_they_may_touches_it_only_once_it_stands(

@@ -191,3 +191,48 @@ def test_where_velocities_lead_is_where_the_parts_will_be():
         assert np.allclose(ahead[2 * k : 2 * k + 2], moved)
     nobody = Threat(capsules, velocity, sure + np.inf, 0.0, ThreatSettings())
     assert nobody.likely(0.3) is None
+
+
+def speeds_when_pushed(small_map, speed, after, lost):
+    """Return its speeds from a push on, `after` frames into an evasion.
+
+    With `lost` the twelfth frame of the evasion is not answered in time.
+    """
+    scene, frames = Scene(small_map), 0
+    tool, executor = tool_of(scene.planner, WAITS), scene.executor
+    for k in range(250):
+        frames += executor.state == RETREATING or frames > 0
+        if frames >= after:
+            executor.locate(executor.set_point.q + [0.05, -0.05, 0.0])
+        if lost and frames == 12:
+            frames += 1
+            executor.advance()
+            scene.gaps.append(scene.gaps[-1])
+        else:
+            scene.frame(tool + [0.8 - speed * k * PERIOD, 0.0, 0.0])
+    return np.array(scene.speeds[-(frames - after + 1) :])
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.9])
+@pytest.mark.parametrize("after", [15, 18])
+def test_pushed_after_a_lost_frame_it_stops_as_soon_as_else(small_map, speed, after):
+    stands = []
+    for lost in (False, True):
+        speeds = speeds_when_pushed(small_map, speed, after, lost)
+        assert speeds[0] > 0.2  # it was on its way
+        stands.append(int(np.argmax(speeds < 1e-3)))
+    assert 0 < stands[1] <= stands[0] + 2
+
+
+def test_an_evasion_that_goes_on_after_a_lost_frame_is_one(small_map):
+    scene = Scene(small_map)
+    tool = tool_of(scene.planner, WAITS)
+    k = 0
+    while scene.executor.state != RETREATING:
+        scene.frame(tool + [0.8 - 0.3 * k * PERIOD, 0.0, 0.0])
+        k += 1
+    scene.executor.advance()  # no frame
+    assert scene.executor.state == "braked"
+    scene.frame(tool + [0.8 - 0.3 * (k + 1) * PERIOD, 0.0, 0.0])
+    assert scene.executor.state == RETREATING
+    assert scene.executor.reason == "somebody comes"

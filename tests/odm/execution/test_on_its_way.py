@@ -8,6 +8,7 @@ from small import AWAY, HOME, draw_arm
 
 import odm
 from odm.execution.executor import Executor
+from roadmap.errors import BadInput
 
 
 def follow(small_map, seed, frames=2000):
@@ -61,3 +62,17 @@ def test_a_map_s_blending_share_bounds_what_is_rounded(small_map):
     planner = odm.ReactivePlanner(replace(small_map, recipe=recipe))
     executor = Executor(small_map.robot, planner, HOME, 0.01)
     assert executor._blend == 0.001
+
+
+@pytest.mark.parametrize("period", [0.0, -0.01, np.nan, np.inf, None])
+def test_a_period_that_is_none_is_refused(small_map, period):
+    with pytest.raises(BadInput, match="the period of an executor"):
+        Executor(small_map.robot, odm.ReactivePlanner(small_map), HOME, period)
+
+
+def test_a_robot_stands_where_a_list_says_and_is_measured_by_numbers(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    executor = Executor(small_map.robot, planner, HOME.tolist(), 0.01)
+    assert (executor.set_point.q == HOME).all()
+    with pytest.raises(BadInput, match="the measured q"):
+        executor.locate("here")

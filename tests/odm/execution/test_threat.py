@@ -488,3 +488,18 @@ def test_what_was_just_seen_is_not_known_to_stand_and_nothing_makes_it_so():
     threat = watcher.look(np.array([rod(2.0), rod(0.5)]), 0.0)
     alone = threat.left_alone(slice(1, None), 0.3)
     assert growth(alone, 0.0, 0.3)[1] == growth(threat, 0.0, 0.3)[1] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("capsules", "now", "age", "told"),
+    [
+        (np.zeros((2, 6)), 0.0, 0.0, r"shape \(2, 6\)"),
+        (np.zeros(7), 0.0, 0.0, r"shape \(7,\)"),
+        ([["a"] * 7], 0.0, 0.0, "real numbers"),
+        (np.zeros((1, 7)), "0", 0.0, "now is '0'"),
+        (np.zeros((1, 7)), 0.0, "0", "age of the capsules is '0'"),
+    ],
+)
+def test_what_nobody_can_be_followed_by_is_refused(capsules, now, age, told):
+    with pytest.raises(BadInput, match=told):
+        Watcher().look(capsules, now, age)

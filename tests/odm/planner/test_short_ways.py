@@ -1,0 +1,63 @@
+"""Corners are joined by the shorter turn of a continuous joint, whoever tests them."""
+
+import numpy as np
+import pytest
+
+import odm
+from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.close_test.safety import Safety
+from roadmap.errors import BadInput
+from roadmap.graph.connecting import RoadmapSettings
+from roadmap.kinematics.forward import short_ways
+from roadmap.motion.motion import time_path
+
+URDF = """<robot name="bar">
+<link name="base"><collision><origin xyz="0 0 0.05"/><geometry>
+<box size="0.1 0.1 0.1"/></geometry></collision></link>
+<link name="bar"><collision><origin xyz="0.2 0 0"/><geometry>
+<box size="0.4 0.06 0.06"/></geometry></collision></link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="bar"/>
+<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/><limit velocity="2" effort="1"/></joint>
+</robot>
+"""
+OVER_PI = np.array([[2.4], [-2.4]])  # 1.5 rad the short way, 4.8 the long one
+BEHIND = odm.Obstacles(spheres=np.array([[-0.35, 0.0, 0.2, 0.05]]))
+BEFORE = odm.Obstacles(spheres=np.array([[0.35, 0.0, 0.2, 0.05]]))
+
+
+@pytest.fixture(scope="module")
+def planner(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bar") / "bar.urdf"
+    path.write_text(URDF)
+    robot = RobotRecipe(source=str(path), tip="bar", cover_excess=0.05)
+    recipe = Recipe("bar", robot, RoadmapSettings(nodes=40), Safety(h=0.08))
+    return odm.ReactivePlanner(odm.build_map(recipe, threads=1))
+
+
+def test_braking_looks_where_the_robot_turns(planner):
+    assert planner.blocked_leg(OVER_PI, points=BEHIND) == 0
+    assert planner.blocked_leg(OVER_PI, points=BEFORE) is None
+    planner.step(BEHIND, q=OVER_PI[0])
+    assert not planner.is_free(*OVER_PI) and planner.blocked_leg(OVER_PI) == 0
+
+
+def test_a_motion_turns_where_braking_looks(planner):
+    motion = time_path(planner.robot, OVER_PI)
+    turns = [motion.path.at(s)[0][0] for s in np.linspace(0.0, motion.length, 9)]
+    assert min(turns) >= 2.4 - 1e-9 and max(turns) <= 2.0 * np.pi - 2.4 + 1e-9
+    path = short_ways(planner.robot, OVER_PI)
+    assert path.ravel() == pytest.approx([2.4, 2.0 * np.pi - 2.4])
+
+
+def test_the_first_leg_that_is_blocked_is_told(planner):
+    path = np.array([[0.3], [2.0], [2.4], [-2.4], [-1.0]])
+    assert planner.blocked_leg(path, points=BEHIND) == 2
+    assert planner.blocked_leg(path[::-1], points=BEHIND) == 1
+    path[1] = np.nan
+    assert planner.blocked_leg(path, points=BEFORE) == 0
+
+
+@pytest.mark.parametrize("extra", [None, "1", np.zeros(2)])
+def test_an_extra_that_is_no_number_is_refused(planner, extra):
+    with pytest.raises(BadInput, match="extra is"):
+        planner.blocked_leg(OVER_PI, extra)
