@@ -332,6 +332,12 @@ def test_a_mapping_says_what_is_up(tmp_path, up, turned):
         load_mocap(path, mapping=mapping)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_shoulder_above_the_other_tells_no_direction_and_warns_nobody(tmp_path):
+    motion = load(tmp_path, person(60), up="x")  # the axis through both shoulders
+    assert np.isfinite(motion.frames).all()
+
+
 def without_hip(*others):
     """Return a person with feet [m], without a hip or other joints."""
     joints = person(60)
