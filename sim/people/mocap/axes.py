@@ -1,5 +1,7 @@
 """Units, up axis and floor of a recording: told by the file, or guessed and said."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from handover.human.body import ARM, SIDES
@@ -12,6 +14,17 @@ DECISIVE = 0.85  # a trunk this much along an axis says which one is up
 SHOULDER_HEIGHT = 0.818  # of body height [Winter; MMM; ANSUR II]
 ANKLE_HEIGHT = 0.039  # of body height [MMM]
 TALL = 95  # percentile of the shoulders' height that counts as standing
+
+SHOULDERS = tuple(f"{side}_shoulder" for side in SIDES)
+_TURNED = {  # up -> where x, y and z with z up come from, and their signs
+    "x": ([1, 2, 0], (1.0, 1.0, 1.0)),
+    "y": ([0, 2, 1], (1.0, -1.0, 1.0)),
+    "z": ([0, 1, 2], (1.0, 1.0, 1.0)),
+    "-x": ([2, 1, 0], (1.0, 1.0, -1.0)),
+    "-y": ([0, 2, 1], (1.0, 1.0, -1.0)),
+    "-z": ([0, 1, 2], (1.0, -1.0, -1.0)),
+}
+UPS = tuple(_TURNED)
 
 Joints = dict[str, np.ndarray]
 
@@ -104,67 +117,88 @@ def _arm_length(joints: Joints, side: str) -> float | None:
 def up_axis(
     tracks: Tracks, joints: Joints, rest: Joints, up: str | None
 ) -> tuple[str, str]:
-    """Return "y" or "z", and a sentence where it was guessed.
+    """Return one of `UPS`, and a sentence where it was guessed.
 
-    The trunk tells; where the person stoops too much for that, the skeleton's rest
-    pose does, and at last the custom of the format: BVH "y", Vicon's tracks "z".
+    The body tells: the trunk, or what is above what where the hip is not known. Where
+    the person stoops too much for that, the skeleton's rest pose does, and at last the
+    custom of the format: BVH "y", Vicon's tracks "z".
 
     Args:
         tracks: The recording.
         joints: Joint -> (F, 3) places, in the file's axes.
         rest: Joint -> (1, 3) places in the skeleton's rest pose, or empty.
-        up: "y", "z" or None.
+        up: One of `UPS` where it is said, or None.
 
     Raises:
         BadMocap: `up` is another axis, or the person lies or stands upside down.
     """
     if up is not None:
-        if up not in ("y", "z"):
-            raise BadMocap(f"no up axis {up!r}; choose y or z")
+        if up not in UPS:
+            raise BadMocap(f"no up axis {up!r}; choose one of {', '.join(UPS)}")
         return up, ""
-    for places, what in ((joints, "trunk"), (rest, "rest pose")):
-        direction = _spine(places)
+    for direction, what in _upright(joints, rest):
         if direction is None or not np.abs(direction).max() > DECISIVE:
             continue
         axis = int(np.abs(direction).argmax())
-        if axis == 0 or direction[axis] < 0:
+        found = f"{'-' if direction[axis] < 0 else ''}{'xyz'[axis]}"
+        if found not in ("y", "z"):
             raise BadMocap(
-                f"the {what} in {tracks.source} points along "
-                f"{'-' if direction[axis] < 0 else ''}{'xyz'[axis]}, and up is y or z;"
-                " give the up axis, or turn the recording"
+                f"{what} in {tracks.source} points along {found}, and up is y or z as "
+                f'a rule; give up = "{found}" in the mapping (--mapping FILE) where '
+                "that is up, or turn the recording"
             )
-        told = f"{'xyz'[axis]} is up, as the {what} tells"
+        told = f"{found} is up, as {what} tells"
         if tracks.up is None:
-            return "xyz"[axis], told
-        return "xyz"[axis], "" if "xyz"[axis] == tracks.up else (
+            return found, told
+        return found, "" if found == tracks.up else (
             f"{told}; of such a file it is {tracks.up} as a rule"
         )
-    if tracks.up is not None:
-        return tracks.up, ""
-    return "y", "y taken as up, as is usual: the trunk does not tell"
+    usual = tracks.up or "y"
+    return usual, f"{usual} taken as up, as is usual: the body does not tell"
 
 
-def _spine(joints: Joints) -> np.ndarray | None:
-    """Return the median direction from the hip to the neck, (3,)."""
-    top = _neck(joints)
-    if "hip" not in joints or top is None:
+def _upright(joints: Joints, rest: Joints) -> Iterator[tuple[np.ndarray | None, str]]:
+    """Yield directions that are up in a person who stands, (3,), best first."""
+    poses = ((joints, ""), (rest, " at rest"))
+    for places, of in poses:
+        what = f"the trunk{of}" if places is joints else "the rest pose"
+        yield _direction(places.get("hip"), _neck(places)), what
+    for places, of in poses:
+        feet = _mean(places, FEET)
+        yield _direction(feet, _neck(places)), f"the body over the feet{of}"
+    if _direction(joints.get("hip"), _neck(joints)) is not None:
+        return  # they stoop, and so does the head
+    for places, of in poses:
+        head, low = places.get("head"), _mean(places, SHOULDERS)
+        yield _direction(low, head), f"the head over the shoulders{of}"
+
+
+def _direction(low: np.ndarray | None, high: np.ndarray | None) -> np.ndarray | None:
+    """Return the median direction from one place to another, (3,)."""
+    if low is None or high is None:
         return None
-    trunk = top - joints["hip"]
-    trunk = trunk / np.maximum(np.linalg.norm(trunk, axis=1, keepdims=True), 1e-9)
-    trunk = trunk[np.isfinite(trunk).all(axis=1)]
-    return np.median(trunk, axis=0) if len(trunk) else None
+    way = high - low
+    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    way = way[np.isfinite(way).all(axis=1)]
+    return np.median(way, axis=0) if len(way) else None
+
+
+def _mean(joints: Joints, names: Sequence[str]) -> np.ndarray | None:
+    """Return the (F, 3) middle of those joints that are there."""
+    there = [joints[name] for name in names if name in joints]
+    return np.mean(there, axis=0) if there else None
 
 
 def _neck(joints: Joints) -> np.ndarray | None:
     if "neck" in joints:
         return joints["neck"]
-    shoulders = [joints[f"{s}_shoulder"] for s in SIDES if f"{s}_shoulder" in joints]
-    return np.mean(shoulders, axis=0) if len(shoulders) == 2 else None
+    return _mean(joints, SHOULDERS) if set(SHOULDERS) <= set(joints) else None
 
 
 def z_up(place: np.ndarray, up: str) -> np.ndarray:
-    """Return (F, 3) places with z up."""
-    return place if up == "z" else place[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    """Return (F, 3) places with z up: turned by one of `UPS`, never mirrored."""
+    columns, signs = _TURNED[up]
+    return place if up == "z" else place[:, columns] * signs
 
 
 def floor_height(joints: Joints, height: float) -> tuple[float, str]:

@@ -45,7 +45,9 @@ def parse_bvh(text: str, source: str) -> Tracks:
     n_channels = sum(len(joint.channels) for joint in joints)
     count, rate, start = _motion_header(lines, at, source)
     values = _values(lines[start:], n_channels, count, source)
-    return Tracks(source, "bvh", rate, _places(joints, values), rest=_rest(joints))
+    with np.errstate(over="ignore", invalid="ignore"):  # too far: not seen
+        places, rest = _places(joints, values), _rest(joints)
+    return Tracks(source, "bvh", rate, places, rest=rest)
 
 
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
@@ -144,10 +146,11 @@ def _values(lines: list[str], width: int, count: int, source: str) -> np.ndarray
             number(word, f"a value after MOTION in {source}")
         raise
     if values.size != count * width:
+        whole, more = divmod(values.size, width)
+        odd = f" and {more} values of another" if more else ""
         raise BadMocap(
-            f"{source} says it holds {count} frames of {width} values, but "
-            f"{values.size / width:.4g} are there: the file is cut off or altered; "
-            "get the whole of it"
+            f"{source} says it holds {count} frames of {width} values, but {whole} "
+            f"are there{odd}: the file is cut off or altered; get the whole of it"
         )
     return values.reshape(count, width)
 

@@ -1,6 +1,6 @@
 """From a file to a motion: read, name, measure, mend, place, wrap in capsules."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +10,18 @@ from handover.human.anthropometry import HEIGHTS
 from handover.human.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
 from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.people.mocap.bvh import parse_bvh
-from sim.people.mocap.defects import defects
+from sim.people.mocap.defects import defects, odd_lengths
 from sim.people.mocap.faults import Faults, fastest, find_faults, first_frame
 from sim.people.mocap.mocap_motion import MocapMotion
 from sim.people.mocap.placing import base_from_recording
-from sim.people.mocap.skeletons import joints_of, unit_of
+from sim.people.mocap.skeletons import (
+    FEET,
+    PLUG_IN_GAIT,
+    TOES,
+    joints_of,
+    pelvis_of,
+    told_by,
+)
 from sim.people.mocap.tracks import BadMocap, Tracks, read_text
 from sim.people.mocap.unseen import (
     WALKING,
@@ -35,7 +42,7 @@ class MocapSettings:
 
     Attributes:
         unit: Length of the file's unit: "m", "cm", "mm", "inch" or metres.
-        up: Axis that points up: "y" or "z".
+        up: Axis that points up: "x", "y", "z", "-x", "-y" or "-z".
         floor: z of the floor in the recording, z up [m].
         stand: (x, y) [m] where the person stands and yaw [rad] they face, base frame.
         base_height: Of the robot's base above the floor [m].
@@ -108,7 +115,7 @@ def load_mocap(
     Args:
         path: A Vicon .csv of tracks, or a .bvh.
         mapping: Joint -> name in the file, or a TOML file of it; None: built-in lists.
-            Its `unit`, if it has one, counts before that of the file.
+            Its `unit` and `up`, if it has them, count before those of the file.
         settings: Units, axes, place, what to do at the end.
 
     Raises:
@@ -121,13 +128,10 @@ def load_mocap(
     joints, faults, mended = _mended(joints, rate, tracks.source)
     notes += mended
     duration_s = (len(next(iter(joints.values()))) - 1) / rate
-    wrong = defects(joints, faults, duration_s)
-    if wrong and not settings.accept_defects:
-        raise BadMocap(
-            f"{tracks.source} shows what no person does: {'; '.join(wrong)}; take the "
-            "measured tracks instead, or play it all the same with --accept-defects"
-        )
-    notes += [f"no person does this: {clause}" for clause in wrong]
+    odd, wrong = odd_lengths(joints), defects(joints, faults, duration_s)
+    if not settings.accept_defects:
+        _refuse(tracks.source, odd, wrong)
+    notes += [f"no person does this: {clause}" for clause in (*odd, *wrong)]
     floor, said = settings.floor, "as given"
     if floor is None:
         floor, said = floor_height(joints, settings.height)
@@ -140,29 +144,61 @@ def load_mocap(
     return _motion(tracks.source, joints, faults, rate, T, settings, notes)
 
 
+def _refuse(source: str, odd: Sequence[str], wrong: Sequence[str]) -> None:
+    """Refuse a recording of what no person is or does."""
+    remedy = "or play it all the same with --accept-defects"
+    if wrong:
+        raise BadMocap(
+            f"{source} shows what no person does: {'; '.join(wrong)}; take the "
+            f"measured tracks instead, {remedy}"
+        )
+    if odd:
+        raise BadMocap(
+            f"{source} shows a body that no person has: {'; '.join(odd)}; give the "
+            f"unit or other names in a mapping (--mapping FILE), {remedy}"
+        )
+
+
 def _measured(
     tracks: Tracks, mapping: object, settings: MocapSettings
 ) -> tuple[dict[str, np.ndarray], float, list[str]]:
     """Return joint -> (F, 3) places with z up [m], the rate [Hz], and what was said."""
-    mapping, unit, label = unit_of(mapping)
-    said_by = f"{label} says so"
+    told = told_by(mapping)
+    unit, said_by = told.unit, f"{told.label} says so"
     if settings.unit is not None:
         unit, said_by = settings.unit, "unit of the settings"
-    names, label = joints_of(tracks, mapping, label)
-    places = {joint: tracks.places[name] for joint, name in names.items()}
-    rest = {j: tracks.rest[n][None] for j, n in names.items() if n in tracks.rest}
+    names, label = joints_of(tracks, told.names, told.label)
+    places, rest, hip_said = _places(tracks, names, label)
     metres, unit_said = metres_per_unit(tracks, places, unit, said_by if unit else "")
-    up, up_said = up_axis(tracks, places, rest, settings.up)
+    up = told.up if settings.up is None else settings.up
+    up, up_said = up_axis(tracks, places, rest, up)
     stride = max(int(tracks.rate_hz // ENOUGH_HZ), 1)
     rate = tracks.rate_hz / stride
     joints = {j: z_up(p[::stride] * metres, up) for j, p in places.items()}
-    notes = [f"{tracks.source}: joints named as by {label}", unit_said, up_said]
+    notes = [f"{tracks.source}: joints named as by {label}", hip_said]
+    notes += [unit_said, up_said]
     if stride > 1:
         notes.append(
             f"thinned from {tracks.rate_hz:g} to {rate:g} frames per second: one in "
             f"{stride} is played"
         )
     return joints, rate, [note for note in notes if note]
+
+
+def _places(
+    tracks: Tracks, names: Mapping[str, str], label: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], str]:
+    """Return joint -> (F, 3) places, (1, 3) at rest, and where the hip is from."""
+    ends = {toe: f"{names.get(foot)}_end" for foot, toe in zip(FEET, TOES, strict=True)}
+    ends = {toe: end for toe, end in ends.items() if end in tracks.places}
+    names, said = ends | dict(names), ""
+    places = {joint: tracks.places[name] for joint, name in names.items()}
+    rest = {j: tracks.rest[n][None] for j, n in names.items() if n in tracks.rest}
+    if label == PLUG_IN_GAIT and "hip" not in names:
+        hip, markers = pelvis_of(tracks, names)
+        if markers:
+            places["hip"], said = hip, f"hip taken as the middle of {markers}"
+    return places, rest, said
 
 
 def _mended(

@@ -22,7 +22,8 @@ def forward(joints: Mapping[str, np.ndarray]) -> np.ndarray | None:
         return None
     right = joints["right_shoulder"] - joints["left_shoulder"]
     ahead = np.stack([-right[:, 1], right[:, 0], 0 * right[:, 0]], axis=1)
-    return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+    length = np.linalg.norm(ahead, axis=1, keepdims=True)
+    return ahead / np.where(length > 0, length, np.nan)  # NaN: one above the other
 
 
 def base_from_recording(

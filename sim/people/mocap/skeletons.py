@@ -2,13 +2,20 @@
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from handover.human.body import ARM, JOINTS, SIDES
+from sim.people.mocap.subjects import Roll, split
 from sim.people.mocap.tracks import BadMocap, Tracks
 
-FEET = ("left_foot", "right_foot")  # only to find the floor
-KNOWN = (*JOINTS, *FEET)
+FEET = ("left_foot", "right_foot")  # only to find the floor, and what is up
+TOES = ("left_toe", "right_toe")  # only to tell a mirrored person
+KNOWN = (*JOINTS, *FEET, *TOES)
+PLUG_IN_GAIT = "Vicon Plug-in Gait"
+PELVIS = ("LPSI", "RPSI", "LASI", "RASI")  # its markers where there is no SACR
 
 
 def _both(pattern: dict[str, str], **sides: str) -> dict[str, str]:
@@ -21,11 +28,12 @@ def _both(pattern: dict[str, str], **sides: str) -> dict[str, str]:
 
 
 def _names(
-    trunk: str, arm: str, foot: str = "", tip: str = "", **sides: str
+    trunk: str, arm: str, leg: str = "", tip: str = "", **sides: str
 ) -> dict[str, str]:
-    """Return a mapping from 'hip neck head', 'shoulder elbow hand', foot and tip."""
+    """Return a mapping from 'hip neck head', 'shoulder elbow hand', 'foot toe', tip."""
     pattern = dict(zip(ARM, arm.split("|"), strict=True))
-    pattern |= {k: v for k, v in (("foot", foot), ("tip", tip)) if v}
+    pattern |= dict(zip(("foot", "toe"), leg.split("|"), strict=False)) if leg else {}
+    pattern |= {"tip": tip} if tip else {}
     mapping = dict(zip(("hip", "neck", "head"), trunk.split("|"), strict=True))
     return mapping | _both(pattern, **sides)
 
@@ -49,7 +57,7 @@ BUILT_IN = {
     "Mixamo, MotionBuilder": _names(
         "Hips|Neck|Head",
         "{s}Arm|{s}ForeArm|{s}Hand",
-        "{s}Foot",
+        "{s}Foot|{s}ToeBase",
         "{s}HandMiddle4",
         left="Left",
         right="Right",
@@ -57,38 +65,43 @@ BUILT_IN = {
     "Xsens, Poser": _names(
         "Hips|Neck|Head",
         "{s}Shoulder|{s}Elbow|{s}Wrist",
-        "{s}Ankle",
+        "{s}Ankle|{s}Toe",
         left="Left",
         right="Right",
     ),
     "3ds Max Biped": _names(
         "Bip01 Pelvis|Bip01 Neck|Bip01 Head",
         "Bip01 {s} UpperArm|Bip01 {s} Forearm|Bip01 {s} Hand",
-        "Bip01 {s} Foot",
+        "Bip01 {s} Foot|Bip01 {s} Toe0",
         left="L",
         right="R",
     ),
     "SMPL": _names(
         "pelvis|neck|head",
         "{s}_shoulder|{s}_elbow|{s}_wrist",
-        "{s}_ankle",
+        "{s}_ankle|{s}_foot",
         left="left",
         right="right",
     ),
-    "Vicon Plug-in Gait": _names(
-        "SACR|C7|LFHD", "{s}SHO|{s}ELB|{s}WRA", "{s}ANK", "{s}FIN", left="L", right="R"
+    PLUG_IN_GAIT: _names(
+        "SACR|C7|LFHD",
+        "{s}SHO|{s}ELB|{s}WRA",
+        "{s}ANK|{s}TOE",
+        "{s}FIN",
+        left="L",
+        right="R",
     ),
     "VRM": _names(
         "J_Bip_C_Hips|J_Bip_C_Neck|J_Bip_C_Head",
         "J_Bip_{s}_UpperArm|J_Bip_{s}_LowerArm|J_Bip_{s}_Hand",
-        "J_Bip_{s}_Foot",
+        "J_Bip_{s}_Foot|J_Bip_{s}_ToeBase",
         left="L",
         right="R",
     ),
     "Unreal": _names(
         "pelvis|neck_01|head",
         "upperarm_{s}|lowerarm_{s}|hand_{s}",
-        "foot_{s}",
+        "foot_{s}|ball_{s}",
         left="l",
         right="r",
     ),
@@ -105,26 +118,26 @@ def joints_of(
     Args:
         tracks: The recording.
         mapping: Joint -> name in the recording, or a TOML file that holds it; None
-            takes the built-in list that fits best. Names are compared without case
-            and without a namespace (`mixamorig:`).
+            takes the built-in list that fits best. Names are compared without case;
+            a namespace (`mixamorig:`, `Eve:`) may be left out where it tells nothing.
         label: What the mapping is called; a file has its name.
 
     Returns:
-        Joint of `handover.human.body.JOINTS`, or a foot -> name as the recording spells
-        it; and what the mapping is called.
+        Joint of `handover.human.body.JOINTS`, a foot or a toe -> name as the recording
+        spells it; and what the mapping is called.
 
     Raises:
         BadMocap: The mapping is unreadable, names an unknown joint or one that the
-            recording lacks; or no arm is found.
+            recording lacks; no arm is found; or it is not said whose.
     """
+    roll = Roll(tracks.source, tracks.places)
     if mapping is None:
-        return _best(tracks)
+        return _best(tracks, roll)
     if not isinstance(mapping, Mapping):
         label = Path(mapping).name
         mapping = read_mapping(mapping)
     _check(mapping, label)
-    names = _simple(tracks)
-    absent = [f"{n!r} ({j})" for j, n in mapping.items() if _key(n) not in names]
+    absent = [f"{n!r} ({j})" for j, n in mapping.items() if not roll.find(n)]
     if absent:
         raise BadMocap(
             f"{label} names {', '.join(absent)}, which {tracks.source} lacks; it holds "
@@ -135,7 +148,30 @@ def joints_of(
             f"{label} names no whole arm; give shoulder, elbow and hand of at least "
             f"one side, as right_shoulder, right_elbow, right_hand"
         )
-    return {joint: names[_key(name)] for joint, name in mapping.items()}, label
+    names = roll.resolve(mapping, label)
+    _check_once(names, mapping, label)
+    return names, label
+
+
+def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str]:
+    """Return the (F, 3) middle of the pelvis' markers, and their names.
+
+    Markers that are seen in less than half of the frames are left out.
+
+    Args:
+        tracks: A recording of Plug-in Gait markers.
+        names: Joint -> name in the recording: whose pelvis it is.
+    """
+    whose = {split(name)[0] for name in names.values()}
+    found = {}
+    for name, place in tracks.places.items():
+        subject, plain = split(name)
+        if subject in whose and plain.upper() in PELVIS:
+            if np.isfinite(place).all(axis=1).mean() >= 0.5:
+                found[name] = place
+    if not found:
+        return np.full((tracks.n_frames, 3), np.nan), ""
+    return np.mean(list(found.values()), axis=0), ", ".join(found)
 
 
 def read_mapping(path: str | Path) -> dict[str, str]:
@@ -156,31 +192,44 @@ def read_mapping(path: str | Path) -> dict[str, str]:
         ) from None
 
 
-def unit_of(
-    mapping: str | Path | Mapping[str, object] | None,
-) -> tuple[Mapping[str, str] | None, str | float | None, str]:
-    """Return a mapping without the `unit` it may state, that unit, and its name.
+@dataclass(frozen=True)
+class Told:
+    """What a mapping tells of a recording.
 
-    A mapping that holds nothing else is none: the built-in lists are looked at.
+    Attributes:
+        names: Joint -> name in the recording; None: the built-in lists are looked at.
+        unit: By name or in metres, None where it is not said.
+        up: Axis that points up, None where it is not said.
+        label: What the mapping is called; a file has its name.
+    """
+
+    names: Mapping[str, str] | None = None
+    unit: str | float | None = None
+    up: str | None = None
+    label: str = ""
+
+
+def told_by(mapping: str | Path | Mapping[str, object] | None) -> Told:
+    """Return what a mapping tells; one of `unit` and `up` alone names no joints.
 
     Raises:
         BadMocap: The mapping cannot be read, or the unit is neither name nor number.
     """
     if mapping is None:
-        return None, None, ""
+        return Told()
     label = "the mapping"
     if not isinstance(mapping, Mapping):
         label = Path(mapping).name
         mapping = read_mapping(mapping)
-    unit = mapping.get("unit")
+    unit, up = mapping.get("unit"), mapping.get("up")
     wrong = isinstance(unit, bool) or not isinstance(unit, str | float | int | None)
     if wrong:
         raise BadMocap(
             f'{label} gives unit = {unit!r}; give a name in quotes, as "cm", or the '
             "metres of a unit"
         )
-    names = {joint: name for joint, name in mapping.items() if joint != "unit"}
-    return names if names or unit is None else None, unit, label
+    names = {joint: n for joint, n in mapping.items() if joint not in ("unit", "up")}
+    return Told(names if names or not mapping else None, unit, up, label)
 
 
 def _check(mapping: Mapping[str, str], label: str) -> None:
@@ -194,23 +243,30 @@ def _check(mapping: Mapping[str, str], label: str) -> None:
         raise BadMocap(
             f"{label} gives {wrong[0]} = {mapping[wrong[0]]!r}; give a name in quotes"
         )
+
+
+def _check_once(
+    names: Mapping[str, str], mapping: Mapping[str, str], label: str
+) -> None:
+    """Refuse a mapping that names one body for two joints."""
     first: dict[str, str] = {}
-    for joint, name in mapping.items():
-        other = first.setdefault(_key(name), joint)
+    for joint, name in names.items():
+        other = first.setdefault(name, joint)
         if other != joint:
             raise BadMocap(
-                f"{label} gives {name!r} for {other} and for {joint}, so a part of the "
-                "person would be where it is not; give each joint its own"
+                f"{label} gives {mapping[joint]!r} for {other} and for {joint}, so a "
+                "part of the person would be where it is not; give each joint its own"
             )
 
 
-def _best(tracks: Tracks) -> tuple[dict[str, str], str]:
-    names = _simple(tracks)
-    found = {}
-    for label, mapping in BUILT_IN.items():
-        here = {j: names[_key(n)] for j, n in mapping.items() if _key(n) in names}
-        if _arms(here):
-            found[label] = here
+def _best(tracks: Tracks, roll: Roll) -> tuple[dict[str, str], str]:
+    """Return the built-in names of the only person in the recording, and their list."""
+    *people, loose = [_fitting(bodies) for bodies in roll.groups()]
+    found = {_bodies(best): (best, label) for best, label in people if label}
+    sides = {side for best, _ in found.values() for side in _arms(best)}
+    nobodys = set(_arms(loose[0]))  # of one person with a name, where no arm is twice
+    if nobodys and (not found or nobodys & sides):
+        found.setdefault(_bodies(loose[0]), loose)
     if not found:
         raise BadMocap(
             f"no arm is known in {tracks.source}, which holds {_listed(tracks)}; write "
@@ -218,21 +274,44 @@ def _best(tracks: Tracks) -> tuple[dict[str, str], str]:
             'right_shoulder = "...", right_elbow = "...", right_hand = "..." and give '
             "it as mapping (--mapping FILE)"
         )
-    label = max(found, key=lambda name: len(found[name]))
-    return found[label], label
+    if len(found) > 1:
+        _refuse_several(tracks.source, roll, found)
+    return next(iter(found.values()))
+
+
+def _refuse_several(
+    source: str, roll: Roll, found: Mapping[tuple[str, ...], tuple[dict, str]]
+) -> None:
+    whose = roll.of(name for bodies in found for name in bodies)
+    others = "" if len(whose) == len(found) else " and one without a name"
+    last, _ = list(found.values())[len(whose) - 1]
+    side = _arms(last)[-1]
+    lines = ", ".join(f'{side}_{j} = "{last[f"{side}_{j}"]}"' for j in ARM)
+    raise BadMocap(
+        f"{source} holds the arms of {' and '.join(whose)}{others}; say whose to take "
+        f"in a mapping (--mapping FILE), as {lines}"
+    )
+
+
+def _bodies(names: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the bodies of the arms: those of one person are no one else's."""
+    return tuple(names[f"{s}_{j}"] for s in _arms(names) for j in ARM)
+
+
+def _fitting(bodies: Mapping[str, str]) -> tuple[dict[str, str], str]:
+    """Return the names of the built-in list with most of them, and it; none, ""."""
+    best: dict[str, str] = {}
+    label = ""
+    for name, mapping in BUILT_IN.items():
+        plain = {joint: split(n)[1] for joint, n in mapping.items()}
+        here = {joint: bodies[n] for joint, n in plain.items() if n in bodies}
+        if _arms(here) and len(here) > len(best):
+            best, label = here, name
+    return best, label
 
 
 def _arms(joints: Mapping[str, object]) -> list[str]:
     return [s for s in SIDES if all(f"{s}_{j}" in joints for j in ARM)]
-
-
-def _simple(tracks: Tracks) -> dict[str, str]:
-    """Return plain name -> name as the recording spells it; the first one counts."""
-    return {_key(name): name for name in reversed(list(tracks.places))}
-
-
-def _key(name: str) -> str:
-    return " ".join(name.rsplit(":", 1)[-1].split()).lower()
 
 
 def _listed(tracks: Tracks, most: int = 40) -> str:

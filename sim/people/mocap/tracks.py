@@ -9,6 +9,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
 RATES = (10.0, 10_000.0)  # frames per second a recording of a person can have
+FAR = 1e9  # a place beyond this, in any unit, is a fault of the file: not seen
 
 
 class BadMocap(BadInput):
@@ -23,7 +24,8 @@ class Tracks:
         source: Name of the file, for messages.
         kind: "csv" or "bvh".
         rate_hz: Frames per second.
-        places: Name -> (F, 3) place in the file's units and axes; NaN: not seen.
+        places: Name -> (F, 3) place in the file's units and axes; NaN: not seen. A
+            name has the namespace of the file, as in "Bob:RSHO".
         metres_per_unit: Where the file says it, else None.
         up: Axis that points up, "y" or "z", where the format fixes it, else None.
         rest: Name -> (3,) place in the skeleton's rest pose, where there is one.
@@ -40,8 +42,9 @@ class Tracks:
     def __post_init__(self) -> None:
         """Freeze the places; refuse a rate or a length that is no motion."""
         check_rate(self.rate_hz, self.source)
-        frozen_places = {n: frozen(p, np.float64) for n, p in self.places.items()}
-        object.__setattr__(self, "places", frozen_places)
+        for name in ("places", "rest"):
+            near = {n: _near(p) for n, p in getattr(self, name).items()}
+            object.__setattr__(self, name, near)
         if self.n_frames < 2:
             raise BadMocap(
                 f"{self.source} holds {self.n_frames} frames; a motion needs 2 or more"
@@ -51,6 +54,12 @@ class Tracks:
     def n_frames(self) -> int:
         """Number of frames."""
         return max((len(p) for p in self.places.values()), default=0)
+
+
+def _near(places: np.ndarray) -> np.ndarray:
+    """Return (..., 3) places, frozen; what is beyond `FAR` is not seen."""
+    near = (np.abs(places) < FAR).all(axis=-1, keepdims=True)
+    return frozen(np.where(near, places, np.nan), np.float64)
 
 
 def check_rate(rate_hz: float, source: str) -> float:

@@ -11,7 +11,7 @@ _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def parse_csv(text: str, source: str) -> Tracks:
-    """Return the tracks of a Vicon export; z is up.
+    """Return the tracks of a Vicon export; z is up; a body is named with its subject.
 
     Line 1 names the section, 2 the rate, 3 the bodies, 4 the columns, 5 the units;
     data follow up to the first empty line. An empty cell is a gap, and so is a frame
@@ -70,8 +70,10 @@ def _columns(names: list[str], axes: list[str], source: str) -> dict[str, int]:
 
 
 def _body(name: str) -> str:
-    """Return 'hip' for 'Global Angle hip:hip' and for 'Subject:hip'."""
-    return name.strip().rsplit(":", 1)[-1].strip()
+    """Return 'hip' for 'Global Angle hip:hip', and 'Bob:hip' for 'Bob:hip'."""
+    space, _, body = name.strip().removeprefix("Global Angle ").rpartition(":")
+    space, body = space.strip(), body.strip()
+    return body if space in ("", body) else f"{space}:{body}"
 
 
 def _scale(units: list[str], columns: dict[str, int], source: str) -> float:

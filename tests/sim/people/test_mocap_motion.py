@@ -307,6 +307,83 @@ def test_units_and_axis_can_be_given(tmp_path):
     np.testing.assert_allclose(by_hand.frames, reference.frames, atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    "up, turned",
+    [
+        ("x", lambda p: p[:, [2, 0, 1]]),
+        ("y", lambda p: p[:, [0, 2, 1]] * [1, 1, -1]),
+        ("z", lambda p: p),
+        ("-x", lambda p: p[:, [2, 1, 0]] * [-1, 1, 1]),
+        ("-y", lambda p: p[:, [0, 2, 1]] * [1, -1, 1]),
+        ("-z", lambda p: p * [1, -1, -1]),
+    ],
+)
+def test_a_mapping_says_what_is_up(tmp_path, up, turned):
+    reference = load(tmp_path, person(60), stand=(1.0, 0.0, 3.0), floor=0.0)
+    places = {n: turned(p - [0, 0, 0.9]) + [0, 0, 0.9] for n, p in person(60).items()}
+    path = write_csv(tmp_path / "turned.csv", places)
+    mapping = tmp_path / "up.toml"
+    mapping.write_text(f'up = "{up}"\n')  # alone: names are looked for as ever
+    settings = MocapSettings(stand=(1.0, 0.0, 3.0), floor=0.0)
+    motion = load_mocap(path, mapping=mapping, settings=settings)
+    np.testing.assert_allclose(motion.frames, reference.frames, atol=1e-6)
+    mapping.write_text("up = 3\n")
+    with pytest.raises(BadMocap, match="no up axis 3; choose one of x, y, z, -x"):
+        load_mocap(path, mapping=mapping)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_shoulder_above_the_other_tells_no_direction_and_warns_nobody(tmp_path):
+    motion = load(tmp_path, person(60), up="x")  # the axis through both shoulders
+    assert np.isfinite(motion.frames).all()
+
+
+def without_hip(*others):
+    """Return a person with feet [m], without a hip or other joints."""
+    joints = person(60)
+    for side, x in (("left", -0.1), ("right", 0.1)):
+        joints[f"{side}_foot"] = np.tile([x, 0.0, 0.08], (60, 1))
+    return {n: p for n, p in joints.items() if n != "hip" and n not in others}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("missing", [(), ("neck", "head"), ("left_foot", "right_foot")])
+def test_without_a_hip_the_rest_of_the_body_tells_what_is_up(tmp_path, missing):
+    joints = without_hip(*missing)
+    names = {n: n.replace("hand", "wrist").replace("foot", "ankle") for n in joints}
+    usual = load_mocap(write_csv(tmp_path / "a.csv", joints, names=names))
+    assert not any(" up" in note for note in usual.notes)
+    turned = {n: p[:, [0, 2, 1]] * [1, 1, -1] for n, p in joints.items()}
+    motion = load_mocap(write_csv(tmp_path / "b.csv", turned, names=names))
+    np.testing.assert_allclose(motion.frames, usual.frames, atol=1e-4)
+    what = "head over the shoulders" if missing[-1:] == ("right_foot",) else "body over"
+    told = [note for note in motion.notes if f"y is up, as the {what}" in note]
+    assert told and "of such a file it is z as a rule" in told[0]
+    upset = {n: p * [1, -1, -1] for n, p in joints.items()}
+    with pytest.raises(BadMocap, match=f'{what}.* points along -z.*give up = "-z"'):
+        load_mocap(write_csv(tmp_path / "c.csv", upset, names=names))
+
+
+def test_where_the_body_does_not_tell_what_is_up_that_is_said(tmp_path):
+    arm = {name: p for name, p in person(60).items() if name.startswith("right")}
+    motion = load(tmp_path, arm)
+    assert "z taken as up, as is usual: the body does not tell" in motion.notes
+
+
+def test_markers_of_the_pelvis_are_the_hip_of_plug_in_gait(tmp_path):
+    names = dict(hip="SACR", neck="C7", head="LFHD", psi="LPSI", asi="RASI")
+    for side in ("left", "right"):
+        for joint, marker in (("shoulder", "SHO"), ("elbow", "ELB"), ("hand", "WRA")):
+            names[f"{side}_{joint}"] = side[0].upper() + marker
+    joints = person(60)
+    reference = load_mocap(write_csv(tmp_path / "a.csv", joints, names=names))
+    hip = joints.pop("hip")
+    joints |= {"psi": hip + [-0.1, -0.1, 0], "asi": hip + [0.1, 0.1, 0]}
+    motion = load_mocap(write_csv(tmp_path / "b.csv", joints, names=names))
+    np.testing.assert_allclose(motion.frames, reference.frames, atol=1e-6)
+    assert "hip taken as the middle of LPSI, RASI" in motion.notes
+
+
 def test_a_fast_recording_is_thinned(tmp_path):
     path = write_csv(tmp_path / "fast.csv", person(1500, rate=500.0), rate=500.0)
     motion = load_mocap(path)

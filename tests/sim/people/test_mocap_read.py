@@ -3,7 +3,7 @@ import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
 from scipy.spatial.transform import Rotation
 
-from sim.people.mocap import BadMocap, read_tracks
+from sim.people.mocap import BadMocap, load_mocap, read_tracks
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 
@@ -52,8 +52,8 @@ def test_csv_of_markers_has_three_columns_a_body(tmp_path):
     )
     tracks = read_tracks(path)
     assert tracks.rate_hz == 50 and tracks.n_frames == 2
-    np.testing.assert_array_equal(tracks.places["head"][0], [4, 5, 6])
-    assert np.isnan(tracks.places["head"][1]).all()
+    np.testing.assert_array_equal(tracks.places["P:head"][0], [4, 5, 6])
+    assert np.isnan(tracks.places["P:head"][1]).all()
 
 
 def test_csv_rotations_may_be_absent_where_places_are_not(tmp_path):
@@ -235,6 +235,23 @@ def test_bvh_cut_off_anywhere_is_refused(tmp_path, share):
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(BadMocap):
         read_tracks(path)
+
+
+def test_bvh_with_a_value_missing_says_how_many_are_there(tmp_path):
+    path = write_bvh(tmp_path / "a.bvh", person(6))
+    path.write_text(path.read_text().rstrip().rpartition(" ")[0])
+    words = "6 frames of 54 values, but 5 are there and 53 values of another: the file"
+    with pytest.raises(BadMocap, match=words):
+        read_tracks(path)
+
+
+@pytest.mark.parametrize("write", [write_csv, write_bvh])
+@pytest.mark.filterwarnings("error")
+def test_a_place_out_of_this_world_is_not_seen(tmp_path, write):
+    joints = person(30)
+    joints["right_hand"][4] = 1e290
+    motion = load_mocap(write(tmp_path / "a", joints))
+    assert "right hand: not seen in 1 of 30 frames" in motion.notes
 
 
 def test_one_frame_is_no_motion(tmp_path):

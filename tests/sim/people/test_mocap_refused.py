@@ -97,6 +97,57 @@ def test_an_unreadable_mapping_is_refused(tmp_path, text, words):
     assert words in refusal(path, mapping=tmp_path / "map.toml")
 
 
+# whose body it is
+
+MARKERS = dict(zip(ARM, ("RSHO", "RELB", "RWRA"), strict=True))
+
+
+def two_people(path, first="Bob", second="Eve"):
+    """Write an arm twice, the second a metre to the side."""
+    joints = {(who, j): person(30)[j] for who in (first, second) for j in ARM}
+    for joint in ARM:
+        joints[second, joint] = joints[second, joint] + [1.0, 0, 0]
+    names = {(who, j): f"{who}:{MARKERS[j]}" for who, j in joints}
+    text = write_csv(path, joints, names=names).read_text(encoding="utf-8")
+    for who in (first, second):
+        for marker in MARKERS.values():  # of one person "Bob:RSHO", by its own name
+            text = text.replace(f"{who}:{marker}:{who}:{marker}", f"{who}:{marker}")
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_two_people_in_a_file_are_refused_where_nobody_says_who(tmp_path):
+    path = two_people(tmp_path / "a.csv")
+    sentence = refusal(path)
+    assert "a.csv holds the arms of Bob and Eve; say whose to take" in sentence
+    assert '(--mapping FILE), as right_shoulder = "Eve:RSHO", right_elb' in sentence
+    sentence = refusal(path, mapping=MARKERS)
+    assert "gives 'RSHO' for right_shoulder, and a.csv holds Bob:RSHO" in sentence
+    assert 'write whose it is, as right_shoulder = "Eve:RSHO"' in sentence
+    mixed = {j: f"{'Bob' if 'hand' in j else 'Eve'}:{n}" for j, n in MARKERS.items()}
+    assert "mixes the bodies of Eve and Bob" in refusal(path, mapping=mixed)
+
+
+@pytest.mark.parametrize("who", ["Bob", "Eve"])
+def test_a_mapping_says_which_of_two_people_it_is(tmp_path, who):
+    path = two_people(tmp_path / "a.csv")
+    mapping = {j: f"{who.upper()}:{n}" for j, n in MARKERS.items()}
+    names, _ = joints_of(read_tracks(path), mapping)
+    assert names == {j: f"{who}:{n}" for j, n in MARKERS.items()}
+    path = two_people(tmp_path / "b.csv", who, "Table")  # nor does the other one do
+    sentence = refusal(path, mapping={j: f"Ann:{n}" for j, n in MARKERS.items()})
+    assert "names 'Ann:RSHO' (right_shoulder)" in sentence and f"{who}:RSHO" in sentence
+
+
+def test_of_one_person_the_namespace_may_be_left_out(tmp_path):
+    plain = {j: BUILT_IN["Vicon Plug-in Gait"][j] for j in STANDING}
+    names = {j: f"Bob:{n}" for j, n in plain.items()}
+    rename = {BVH_NAMES[j]: n for j, n in names.items()}
+    path = write_bvh(tmp_path / "a.bvh", person(30), rename=rename)
+    for mapping in (None, plain, names):
+        assert joints_of(read_tracks(path), mapping)[0] == names
+
+
 # who is seen
 
 
@@ -157,6 +208,76 @@ def test_a_trunk_bent_backwards_is_refused_or_played_on_demand(tmp_path):
     assert any("no person does this: the trunk" in note for note in motion.notes)
 
 
+def stretched(part, length):
+    """Return a person whose right upper arm or forearm has this length [m]."""
+    joints = person(60)
+    a, b = ("shoulder", "elbow") if part == "upper arm" else ("elbow", "hand")
+    way = joints[f"right_{b}"] - joints[f"right_{a}"]
+    way *= length / np.linalg.norm(way, axis=1, keepdims=True) - 1
+    for joint in ("elbow", "hand") if b == "elbow" else ("hand",):
+        joints[f"right_{joint}"] += way
+    return joints
+
+
+@pytest.mark.parametrize(
+    "part, length, fits",
+    [
+        ("upper arm", 0.13, False),
+        ("upper arm", 0.18, True),
+        ("upper arm", 0.44, True),
+        ("upper arm", 0.55, False),
+        ("forearm", 0.08, False),
+        ("forearm", 0.14, True),
+        ("forearm", 0.45, True),
+        ("forearm", 0.52, False),
+    ],
+)
+def test_each_part_of_an_arm_is_of_a_persons_length(tmp_path, part, length, fits):
+    path = write_csv(tmp_path / "a.csv", stretched(part, length))
+    if fits:
+        load_mocap(path)
+        return
+    sentence = refusal(path)
+    assert f"the right {part} is {length:.2f} m long, where people have 0" in sentence
+    assert "give the unit or other names in a mapping (--mapping FILE)" in sentence
+    motion = load_mocap(path, settings=MocapSettings(accept_defects=True))
+    assert any(f"no person does this: the right {part}" in n for n in motion.notes)
+
+
+def test_an_arm_that_is_too_long_in_some_frames_is_played(tmp_path):
+    joints = person(300)
+    joints["right_elbow"][100:140] += [0.0, 0.6, 0.0]
+    load_mocap(write_csv(tmp_path / "a.csv", joints))
+
+
+def test_a_mirrored_person_is_refused_by_the_hands(tmp_path):
+    joints = person(60)
+    joints["left_hand"] += [0, 0.2, 0]
+    load_mocap(write_csv(tmp_path / "a.csv", joints))
+    mirrored = {name: place * [1, -1, 1] for name, place in joints.items()}
+    sentence = refusal(write_csv(tmp_path / "b.csv", mirrored))
+    assert "both hands are behind the chest in 60 of 60 frames" in sentence
+    assert "swap the names of both sides in a mapping (--mapping FILE)" in sentence
+    assert "--accept-defects" in sentence
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_toes_tell_a_mirrored_person_better_than_hands(tmp_path, side):
+    joints = person(60)
+    for name, x in (("left", -0.1), ("right", 0.1)):
+        joints[f"{name}_foot"] = np.tile([x, 0.0, 0.08], (60, 1))
+        joints[f"{name}_toe"] = np.tile([x, 0.15 * side, 0.02], (60, 1))
+        elbow = joints[f"{name}_elbow"]  # hands held behind the back, or ahead
+        joints[f"{name}_hand"] = elbow - [0, 0.3 * side, 0]
+    names = {n: n.replace("foot", "ankle").replace("toe", "foot") for n in joints}
+    names |= dict(left_hand="left_wrist", right_hand="right_wrist", hip="pelvis")
+    path = write_csv(tmp_path / "a.csv", joints, names=names)
+    if side > 0:
+        load_mocap(path)
+    else:
+        assert "the toes point behind the chest in 60 of 60" in refusal(path)
+
+
 def test_bending_forward_is_what_people_do(tmp_path):
     joints = person()
     for name, place in joints.items():
@@ -198,7 +319,7 @@ def test_a_clip_that_is_over_with_its_t_pose_is_refused(tmp_path):
     [
         ({"unit": "furlong"}, "no unit 'furlong'; choose one of m, inch, cm, mm"),
         ({"unit": 0.0}, "a unit of 0.0 m is not positive"),
-        ({"up": "x"}, "no up axis 'x'; choose y or z"),
+        ({"up": "w"}, "no up axis 'w'; choose one of x, y, z, -x, -y, -z"),
         ({"stand": (1.0, 2.0)}, "stand is (1.0, 2.0); give x"),
         ({"stand": (1.0, np.nan, 0)}, "give x"),
         ({"base_height": np.nan}, "base_height is nan m"),
@@ -224,6 +345,7 @@ def test_a_person_upside_down_or_lying_is_refused(tmp_path):
     turned = {n: p * [1, -1, -1] for n, p in person(30).items()}
     sentence = refusal(write_bvh(tmp_path / "a.bvh", turned, up="z"))
     assert "points along -z, and up is y or z" in sentence
+    assert 'give up = "-z" in the mapping (--mapping FILE)' in sentence
     lying = {n: p[:, [2, 0, 1]] for n, p in person(30).items()}
     sentence = refusal(write_bvh(tmp_path / "b.bvh", lying, up="z"))
     assert "points along x" in sentence
