@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from roadmap.errors import BadRobot
 MOVABLE = ("revolute", "continuous", "prismatic")
 # A stop farther away than this is none: exporters write 1e16 for "endless" [rad].
 NO_STOP = 1000.0
+# Revolute joints of real arms stop within three turns; degrees do so within 720 [rad].
+MOST_TURNED, MOST_DEGREES = 6.0 * math.pi, 720.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,11 +160,24 @@ def _well_formed(path: Path) -> bytes:
             f"{path.name} is a xacro file; expand it first: xacro {path.name} > "
             f"{path.name.partition('.')[0]}.urdf"
         )
+    left = next((e.tag for e in root.iter(etree.Element) if _is_xacro(e.tag)), None)
+    if left is not None:
+        raise BadRobot(
+            f"{path.name} still has the element <xacro:{re.split('[:}]', left)[-1]}>, "
+            f"which a URDF does not know; run xacro first: xacro {path.name} > "
+            f"{path.stem}_expanded.urdf"
+        )
     if root.tag != "robot":
         raise BadRobot(
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
     return etree.tostring(root)
+
+
+def _is_xacro(tag: str) -> bool:
+    """Return whether a tag, "{namespace}name" or "prefix:name", is xacro's."""
+    space, _, _ = tag.rpartition("}")
+    return tag.startswith("xacro:") or space.rstrip("/").endswith("xacro")
 
 
 def _checked(model, filename: str) -> Description:
@@ -294,6 +310,7 @@ def _joint(joint, filename: str) -> Joint:
     lower = upper = velocity = None
     if limit is not None:
         lower, upper, velocity = limit.lower, limit.upper, limit.velocity
+        _refuse_degrees(joint, filename)
     follows = None
     if mimic is not None and joint.type in MOVABLE:
         follows = (mimic.joint, float(mimic.multiplier), float(mimic.offset))
@@ -309,6 +326,19 @@ def _joint(joint, filename: str) -> Joint:
         velocity,
         follows,
     )
+
+
+def _refuse_degrees(joint, filename: str) -> None:
+    """Refuse a revolute joint's limits that were written in degrees, for sure."""
+    low, high = joint.limit.lower, joint.limit.upper
+    for value in (low, high):
+        turned = joint.type == "revolute" and value is not None
+        if turned and MOST_TURNED < abs(value) <= MOST_DEGREES:
+            raise BadRobot(
+                f"joint {joint.name!r} of {filename} has the limits {low} to {high} "
+                "rad, more than three turns, which looks like degrees; give radians, "
+                "or make it continuous where it turns so far"
+            )
 
 
 def _finite_pose(pose: np.ndarray | None, owner: str, filename: str) -> np.ndarray:

@@ -40,6 +40,13 @@ def test_a_xacro_file_is_told_how_to_be_expanded(tmp_path):
     refuses(tmp_path / "r.urdf.xacro", "xacro file; .*xacro r.urdf.xacro > r.urdf$")
 
 
+@pytest.mark.parametrize("named", ['xmlns:xacro="http://www.ros.org/wiki/xacro"', ""])
+def test_elements_that_xacro_should_have_expanded_are_not_dropped(urdf, link, named):
+    file = urdf(link("base", BALL) + "<xacro:gripper side='left'/>")
+    file.write_text(file.read_text().replace("<robot", f"<robot {named}"))
+    refuses(file, "still has the element <xacro:gripper>.*run xacro first")
+
+
 def test_what_is_no_path_and_no_number_is_refused(arm):
     refuses(b"arm.urdf", "b'arm.urdf' .bytes.; give a name")
     refuses(arm(BALL), "cannot be locked at 90: .*give a number", locked={"turn": "90"})
