@@ -4,6 +4,7 @@ import io
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -171,7 +172,28 @@ def _well_formed(path: Path) -> bytes:
         raise BadRobot(
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
+    _check_parts(root, path.name)
     return etree.tostring(root)
+
+
+def _check_parts(root, filename: str) -> None:
+    """Refuse a robot, links or joints without a name, and joints without ends."""
+    if not root.get("name"):
+        raise BadRobot(f'<robot> of {filename} has no name; give it name="my_robot"')
+    for part in (*root.findall("link"), *root.findall("joint")):
+        if not part.get("name"):
+            raise BadRobot(
+                f"a <{part.tag}> of {filename}, line {part.sourceline}, has no name; "
+                "give it one"
+            )
+    for joint in root.findall("joint"):
+        for end in ("parent", "child"):
+            found = joint.find(end)
+            if found is None or not found.get("link"):
+                raise BadRobot(
+                    f"joint {joint.get('name')!r} of {filename} names no {end} link; "
+                    f'give it <{end} link="..."/>'
+                )
 
 
 def _is_xacro(tag: str) -> bool:
@@ -183,8 +205,12 @@ def _is_xacro(tag: str) -> bool:
 def _checked(model, filename: str) -> Description:
     links = {link.name: _link(link, filename) for link in model.links}
     joints = {joint.name: _joint(joint, filename) for joint in model.joints}
-    if len(links) != len(model.links) or len(joints) != len(model.joints):
-        raise BadRobot(f"{filename} uses a link or joint name twice; rename one")
+    for what, named in (("link", model.links), ("joint", model.joints)):
+        for name, n in Counter(one.name for one in named).items():
+            if n > 1:
+                raise BadRobot(
+                    f"{filename} uses the {what} name {name!r} twice; rename one"
+                )
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
@@ -194,7 +220,14 @@ def _checked(model, filename: str) -> Description:
                 )
     children = [joint.child for joint in joints.values()]
     roots = [name for name in links if name not in children]
-    if len(roots) != 1 or len(set(children)) != len(children):
+    for child, n in Counter(children).items():
+        if n > 1:
+            carry = ", ".join(j.name for j in joints.values() if j.child == child)
+            raise BadRobot(
+                f"the links of {filename} are not one tree: link {child!r} is the "
+                f"child of {n} joints ({carry}); every link but one needs exactly one"
+            )
+    if len(roots) != 1:
         raise BadRobot(
             f"the links of {filename} are not one tree (root links: {roots}); every "
             "link but one needs exactly one parent joint"

@@ -377,8 +377,9 @@ def show_holds(facts: dict) -> None:
         "slowed or braked"
     )
     for row in facts["rows"]:
+        what = f"  {row['what']}" if row["what"] == "later" else row["what"]
         print(
-            f"{row['start_s']:9.3f} s to {row['end_s']:9.3f} s  {row['what']:<10}  "
+            f"{row['start_s']:9.3f} s to {row['end_s']:9.3f} s  {what:<10}  "
             f"{row['reason']}"
         )
 
@@ -389,7 +390,7 @@ def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:
         what = "retreating" if hold["retreating"] else "holding"
         rows.append((hold["start_s"], hold["end_s"], what, hold["reason"]))
         for time, reason in hold["later"]:
-            rows.append((time, hold["end_s"], "  later", reason))
+            rows.append((time, hold["end_s"], "later", reason))
     for slow in record.slow:
         rows.append((slow["start_s"], slow["end_s"], slow["pace"], slow["reason"]))
     return sorted(rows, key=lambda row: row[0])

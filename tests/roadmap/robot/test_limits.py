@@ -67,3 +67,9 @@ def test_limits_in_degrees_are_refused(arm, stop):
 def test_several_turns_are_no_degrees(arm, stop, kind):
     limit = f'<limit lower="-{stop}" upper="{stop}" velocity="1" effort="1"/>'
     assert roadmap.load_robot(arm(BALL, kind, limit), **COARSE).upper[0] == stop
+
+
+def test_a_velocity_that_is_none_is_told_as_the_file_has_it(arm):
+    limit = '<limit lower="-1" upper="1" velocity="-3" effort="1"/>'
+    notes = roadmap.load_robot(arm(BALL, inside=limit), **COARSE).notes
+    assert "turn: velocity limit taken as 1.0 rad/s (-3 in the file)" in notes

@@ -152,7 +152,7 @@ def test_what_goes_with_a_replay_is_refused_where_there_is_none(
     assert f"--record goes with a replay, not with {only}" in sentence(err)
     if only != "--holds":
         code, out, err = odm("replay", file, *words, "--json", tmp_path / "a.json")
-        assert code == 2 and not out and f"not with {only}; leave it out" in sentence(err)
+        assert code == 2 and not out and f"not with {only}; leave" in sentence(err)
     assert not list(tmp_path.glob("*"))
 
 
