@@ -1,6 +1,7 @@
 """Numbers of settings and arguments are checked here, by one sentence."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 
 from roadmap.errors import BadInput
@@ -45,6 +46,22 @@ def check_number(
         f"{name} is {value!r}, but must be {kind} {limits}; change it"
         f"{f' in {where}' if where else ''}"
     )
+
+
+def check_rpy(
+    where: str, rpy: Iterable[float], error: type[BadInput] = BadInput
+) -> None:
+    """Refuse roll, pitch and yaw beyond a whole turn [rad]: a person wrote degrees.
+
+    Raises:
+        BadInput: Or `error`; names the angles, says that they look like degrees.
+    """
+    angles = [float(angle) for angle in rpy]
+    if max(map(abs, angles)) > 2.0 * math.pi:
+        raise error(
+            f"{where} {angles} goes beyond a whole turn; this looks like degrees, give "
+            "radians"
+        )
 
 
 def check_kind(

@@ -13,7 +13,7 @@ from handover.grasps.objects import GraspObject, load_object
 from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.scenery import shapes_of_tables
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import check_rpy, is_between
 from roadmap.transforms import pose_of
 
 _PARTS = {"giver", "receiver", "object", "start", "goal"}
@@ -46,7 +46,7 @@ def read_scene(path: Path, seed: int = 0) -> Scene:
     if not path.is_file():
         raise BadInput(f"there is no scene file {path}; correct its path")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadInput(f"{path} is no TOML file ({error}); correct it") from error
     _known(table, "the file", path)
@@ -90,14 +90,16 @@ def _pose(table: Mapping, what: str, path: Path, needed: bool = False) -> np.nda
     if needed and "position" not in table:
         raise BadInput(f"{path}: {what} has no position; give three metres")
     found = []
-    for key, unit in (("position", "metres"), ("rpy", "radians")):
+    for key, unit, most in (("position", "metres", 100.0), ("rpy", "radians", 1e3)):
         value = table.get(key, (0.0, 0.0, 0.0))
         listed = isinstance(value, list | tuple) and len(value) == 3
-        if not listed or not all(is_between(v, -100.0, 100.0) for v in value):
+        if not listed or not all(is_between(v, -most, most) for v in value):
             raise BadInput(
                 f"{path}: {key} of {what} is {value!r}; give three {unit}, none beyond "
-                "100 either way"
+                f"{most:g} either way"
             )
+        if key == "rpy":
+            check_rpy(f"{path}: rpy of {what}", value)
         found.append(value)
     return pose_of(*found)
 
@@ -109,8 +111,13 @@ def _placed(table: dict, what: str, path: Path) -> PlacedAgent:
     agent = load_agent(table["agent"]) if "agent" in table else _own(table, what, path)
     posture = table.get("posture", next(iter(agent.postures)))
     joints = _numbers(table.get("joints", {}), f"joints of {what}", path)
-    arms = tuple(table.get("use", ()))
-    return stand(agent, _pose(table, what, path), posture, joints, arms or None)
+    arms = table.get("use", [])
+    if not isinstance(arms, list) or not all(isinstance(side, str) for side in arms):
+        raise BadInput(
+            f"{path}: use of {what} is {arms!r}; write a list of arms, such as "
+            '["right"]'
+        )
+    return stand(agent, _pose(table, what, path), posture, joints, tuple(arms) or None)
 
 
 def _own(table: dict, what: str, path: Path) -> Agent:

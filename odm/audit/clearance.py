@@ -16,6 +16,7 @@ from odm.cell_map.sweep import swept_by
 from odm.close_test._arm import Clearance, make_work
 from odm.close_test.close_test import NO_SOLIDS
 from odm.obstacles._solids import Solids as ShapeRows
+from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 
 _STILL = 65  # configurations that stand for an edge without motion bound
@@ -76,7 +77,15 @@ def clearance_overhead(
         n: Approaches to nodes.
         seed: Of nodes, lines and arms.
         n_edges: Approaches to edges, which take longer.
+
+    Raises:
+        BadInput: The map has no edges.
     """
+    if cell_map.roadmap.n_edges == 0:
+        raise BadInput(
+            f"the map {cell_map.recipe.name} has no edges to measure a clearance of; "
+            "build it with more nodes or neighbors"
+        )
     safety = cell_map.safety
     arms = draw_arms(40, safety.rho, np.random.default_rng([seed, 1]))
     cells, close = (Auditor(cell_map, seed, c, specimens=arms) for c in (False, True))

@@ -57,12 +57,13 @@ class DepthCamera:
                     "camera's calibration"
                 )
             object.__setattr__(self, key, value)
-        for key in ("cx", "cy"):
+        for key, size in (("cx", self.width), ("cy", self.height)):
             value = float(getattr(self, key))
-            if not np.isfinite(value):
+            if not 0.0 <= value <= size:
                 raise BadInput(
-                    f"{key} {value} of {self.name} must be finite; take it from the "
-                    "camera's calibration"
+                    f"{key} {value} of {self.name} lies outside its image of "
+                    f"{self.width} x {self.height} pixels; take it from the "
+                    "calibration for images of this size"
                 )
             object.__setattr__(self, key, value)
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")

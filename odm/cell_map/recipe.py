@@ -162,12 +162,23 @@ def load_recipe(source: str | Path) -> Recipe:
         raise BadRecipe(
             f"recipe {source} is empty; write at least [robot] with source = 'my.urdf'"
         )
-    return parse_recipe(table, name, folder)
+    recipe = parse_recipe(table, name, folder)
+    if "source" not in table.get("robot", {}):
+        raise BadRecipe(
+            f"recipe {source} names no robot; write [robot] with source = 'my.urdf', "
+            "or with a known name such as 'panda'"
+        )
+    if not recipe.name.strip() or "/" in recipe.name or recipe.name in (".", ".."):
+        raise BadRecipe(
+            f"name is {recipe.name!r}, but must be a name without '/', for it becomes "
+            "that of the map's folder; change it in the recipe"
+        )
+    return recipe
 
 
 def _text_of(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise BadRecipe(
             f"recipe {path} is not in UTF-8 ({error.reason} at byte {error.start}); "
@@ -315,6 +326,8 @@ def _known(table: dict, names: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in names:
             near = difflib.get_close_matches(key, names, n=1, cutoff=0.0)
+            if key == "urdf" and "source" in names:
+                near = ["source"]
             raise BadRecipe(
                 f"{where} has no key {key!r}; did you mean {near[0]!r}? "
                 f"Known keys: {', '.join(names)}"

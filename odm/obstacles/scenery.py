@@ -13,7 +13,7 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import surface_of
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput, BadRecipe
-from roadmap.ranges import is_between
+from roadmap.ranges import check_rpy, is_between
 from roadmap.transforms import pose_of
 
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
@@ -284,11 +284,7 @@ def _pose(table: dict, k: int) -> np.ndarray:
     zeros = (0.0, 0.0, 0.0)
     position = _numbers(table, k, "position", zeros)
     rpy = _numbers(table, k, "rpy", zeros)
-    if np.abs(rpy).max() > 2 * np.pi:
-        raise BadRecipe(
-            f"scenery {k}: rpy {rpy.tolist()} goes beyond a whole turn; this looks "
-            "like degrees, give radians"
-        )
+    check_rpy(f"scenery {k}: rpy", rpy, BadRecipe)
     return pose_of(position, rpy)
 
 

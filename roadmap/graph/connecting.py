@@ -135,6 +135,8 @@ def build_roadmap(
     for k, found in zip(starts, stream("edge", parts), strict=True):
         free[k : k + _TESTED] = found
         tell("edges", min(k + _TESTED, len(pairs)), len(pairs))
+    if not free.any():
+        raise BuildRefused(_no_edges(settings, len(pairs)))
     edges, lengths = pairs[free], np.linalg.norm(dq[free] * weights, axis=1)
     roadmap, sizes = _largest_component(nodes, edges, lengths, weights)
     return roadmap, BuildReport(drawn, len(pairs), int(free.sum()), sizes)
@@ -162,6 +164,16 @@ def _sample(
                 f"too few for {settings.nodes} nodes; {_how_to_be_free(robot)}"
             )
     return np.concatenate(kept)[: settings.nodes], drawn
+
+
+def _no_edges(settings: RoadmapSettings, tried: int) -> str:
+    told = f"none of {tried} motions between {settings.nodes} nodes is free"
+    if tried == 0:
+        told = f"no two of {settings.nodes} nodes lie within max_step of each other"
+    return (
+        f"{told}, so the roadmap would have no edges; give more nodes or neighbors, or "
+        "check the scenery, the joints' limits and what the locked joints are locked at"
+    )
 
 
 def _how_to_be_free(robot: Robot) -> str:

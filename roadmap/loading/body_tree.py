@@ -297,7 +297,11 @@ def _joint_limits(description, moving, limits, drives):
         if fastest is None or not np.isfinite(fastest) or fastest <= 0:
             fastest = DEFAULT_VELOCITY[joint.kind]
             unit = "m/s" if joint.kind == "prismatic" else "rad/s"
-            notes.append(f"{joint.name}: velocity limit taken as {fastest} {unit}")
+            given = "none" if joint.velocity is None else f"{joint.velocity:g}"
+            notes.append(
+                f"{joint.name}: velocity limit taken as {fastest} {unit} ({given} in "
+                "the file)"
+            )
         velocity.append(fastest)
         factors = [f for driver, f, _ in drives.values() if driver == joint.name]
         turns = joint.kind == "continuous"

@@ -3,6 +3,8 @@
 import io
 import math
 import os
+import re
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +16,8 @@ from roadmap.errors import BadRobot
 MOVABLE = ("revolute", "continuous", "prismatic")
 # A stop farther away than this is none: exporters write 1e16 for "endless" [rad].
 NO_STOP = 1000.0
+# Revolute joints of real arms stop within three turns; degrees do so within 720 [rad].
+MOST_TURNED, MOST_DEGREES = 6.0 * math.pi, 720.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,18 +161,56 @@ def _well_formed(path: Path) -> bytes:
             f"{path.name} is a xacro file; expand it first: xacro {path.name} > "
             f"{path.name.partition('.')[0]}.urdf"
         )
+    left = next((e.tag for e in root.iter(etree.Element) if _is_xacro(e.tag)), None)
+    if left is not None:
+        raise BadRobot(
+            f"{path.name} still has the element <xacro:{re.split('[:}]', left)[-1]}>, "
+            f"which a URDF does not know; run xacro first: xacro {path.name} > "
+            f"{path.stem}_expanded.urdf"
+        )
     if root.tag != "robot":
         raise BadRobot(
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
+    _check_parts(root, path.name)
     return etree.tostring(root)
+
+
+def _check_parts(root, filename: str) -> None:
+    """Refuse a robot, links or joints without a name, and joints without ends."""
+    if not root.get("name"):
+        raise BadRobot(f'<robot> of {filename} has no name; give it name="my_robot"')
+    for part in (*root.findall("link"), *root.findall("joint")):
+        if not part.get("name"):
+            raise BadRobot(
+                f"a <{part.tag}> of {filename}, line {part.sourceline}, has no name; "
+                "give it one"
+            )
+    for joint in root.findall("joint"):
+        for end in ("parent", "child"):
+            found = joint.find(end)
+            if found is None or not found.get("link"):
+                raise BadRobot(
+                    f"joint {joint.get('name')!r} of {filename} names no {end} link; "
+                    f'give it <{end} link="..."/>'
+                )
+
+
+def _is_xacro(tag: str) -> bool:
+    """Return whether a tag, "{namespace}name" or "prefix:name", is xacro's."""
+    space, _, _ = tag.rpartition("}")
+    return tag.startswith("xacro:") or space.rstrip("/").endswith("xacro")
 
 
 def _checked(model, filename: str) -> Description:
     links = {link.name: _link(link, filename) for link in model.links}
     joints = {joint.name: _joint(joint, filename) for joint in model.joints}
-    if len(links) != len(model.links) or len(joints) != len(model.joints):
-        raise BadRobot(f"{filename} uses a link or joint name twice; rename one")
+    for what, named in (("link", model.links), ("joint", model.joints)):
+        for name, n in Counter(one.name for one in named).items():
+            if n > 1:
+                raise BadRobot(
+                    f"{filename} uses the {what} name {name!r} twice; rename one"
+                )
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
@@ -178,7 +220,14 @@ def _checked(model, filename: str) -> Description:
                 )
     children = [joint.child for joint in joints.values()]
     roots = [name for name in links if name not in children]
-    if len(roots) != 1 or len(set(children)) != len(children):
+    for child, n in Counter(children).items():
+        if n > 1:
+            carry = ", ".join(j.name for j in joints.values() if j.child == child)
+            raise BadRobot(
+                f"the links of {filename} are not one tree: link {child!r} is the "
+                f"child of {n} joints ({carry}); every link but one needs exactly one"
+            )
+    if len(roots) != 1:
         raise BadRobot(
             f"the links of {filename} are not one tree (root links: {roots}); every "
             "link but one needs exactly one parent joint"
@@ -294,6 +343,7 @@ def _joint(joint, filename: str) -> Joint:
     lower = upper = velocity = None
     if limit is not None:
         lower, upper, velocity = limit.lower, limit.upper, limit.velocity
+        _refuse_degrees(joint, filename)
     follows = None
     if mimic is not None and joint.type in MOVABLE:
         follows = (mimic.joint, float(mimic.multiplier), float(mimic.offset))
@@ -309,6 +359,19 @@ def _joint(joint, filename: str) -> Joint:
         velocity,
         follows,
     )
+
+
+def _refuse_degrees(joint, filename: str) -> None:
+    """Refuse a revolute joint's limits that were written in degrees, for sure."""
+    low, high = joint.limit.lower, joint.limit.upper
+    for value in (low, high):
+        turned = joint.type == "revolute" and value is not None
+        if turned and MOST_TURNED < abs(value) <= MOST_DEGREES:
+            raise BadRobot(
+                f"joint {joint.name!r} of {filename} has the limits {low} to {high} "
+                "rad, more than three turns, which looks like degrees; give radians, "
+                "or make it continuous where it turns so far"
+            )
 
 
 def _finite_pose(pose: np.ndarray | None, owner: str, filename: str) -> np.ndarray:

@@ -167,6 +167,11 @@ def robot_file(source: str | os.PathLike) -> Path:
     if robot is None:
         if path.is_file():
             return path
+        if path.is_dir():
+            raise BadRobot(
+                f"{str(path)!r} is a folder, no URDF file; give the path of a .urdf "
+                "file"
+            )
         raise BadRobot(_unknown(str(source)))
     folder = _folder(robot.origin)
     if folder is None:

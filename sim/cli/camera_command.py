@@ -22,6 +22,7 @@ Three = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 # an Intel RealSense SR305, 640 x 480
 _FX, _CX, _CY, _SCALE = 476.007, 313.683, 242.755, 0.000125
+_SIZE = (640, 480)
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,10 @@ def camera(request: CameraRequest) -> None:
     from odm import DepthCamera, SeenSettings, SeenSpace, load_map
 
     cell_map = load_map(request.map_dir)
+    joints = _configuration(cell_map, request.q)
     image = read_depth_png(request.file)
     height, width = image.shape
+    _check_lens(request, width, height)
     camera = DepthCamera(
         width,
         height,
@@ -109,7 +112,6 @@ def camera(request: CameraRequest) -> None:
         shadow=request.shadow,
         policy=request.policy,
     )
-    joints = _configuration(cell_map, request.q)
     space = SeenSpace(cell_map, camera, settings)
     found = space.update(image, joints, 0.0)
     if found.trouble is not None:
@@ -120,6 +122,20 @@ def camera(request: CameraRequest) -> None:
 
         facts["plot"] = str(plot_cells(space, image, joints, request.plot))
     report(facts, request.json, lambda facts: _show(request.file, facts))
+
+
+def _check_lens(request: CameraRequest, width: int, height: int) -> None:
+    """Refuse an image of another size than that of intrinsics left at their default."""
+    from roadmap.errors import BadInput
+
+    lens = {"--fx": _FX, "--cx": _CX, "--cy": _CY}
+    left = [word for word, value in lens.items() if getattr(request, word[2:]) == value]
+    if left and (width, height) != _SIZE:
+        raise BadInput(
+            f"{request.file} has {width} x {height} pixels, but the intrinsics that "
+            f"are taken by default are for {_SIZE[0]} x {_SIZE[1]}; give "
+            f"{', '.join(left)} of this camera at this size"
+        )
 
 
 def read_depth_png(path: Path) -> "np.ndarray":
@@ -150,6 +166,12 @@ def read_depth_png(path: Path) -> "np.ndarray":
         Image.DecompressionBombError,
     ) as error:
         raise BadInput(f"{path} is no image; give a 16-bit PNG") from error
+    except OSError as error:
+        if error.filename is not None:  # there is no such file, or it cannot be read
+            raise
+        raise BadInput(
+            f"{path} cannot be read to its end ({error}); copy the image again"
+        ) from error
     wide = mode.startswith("I;16") or mode == "I"
     if not wide or pixels.ndim != 2 or pixels.min() < 0 or pixels.max() > 65535:
         raise BadInput(

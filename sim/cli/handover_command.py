@@ -111,11 +111,12 @@ def _chosen(found: "HandoverPlan", request: PlanRequest) -> dict:
             for m in found.motions
         ],
     }  # fmt: skip
-    paths = [request.out] + [Path(request.json)] * _is_plan_file(request, found)
+    paths = [] if request.out is None else [request.out]
+    if _is_plan_file(request, found):
+        paths.append(Path(request.json))
     for path in paths:
-        if path is not None:
-            facts["plan"] = str(write_plan(path, record))
-            facts["plan_bytes"] = Path(path).stat().st_size
+        facts["plan"] = str(write_plan(path, record))
+        facts["plan_bytes"] = path.stat().st_size
     if request.plot is not None:
         from sim.draw.scene_picture import draw_scene
 

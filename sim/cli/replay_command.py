@@ -11,7 +11,7 @@ import typer
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FILM, FOLDER, Limits, Refused, Writes
 from sim.terminal.flags import Json, argument, flag, from_request, given
-from sim.terminal.output import show_json, write_text
+from sim.terminal.output import report, show_json, write_text
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -194,6 +194,7 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     """Repeat a recorded run, or take out of it what was asked for."""
     from sim.record import check_recording_path, read_record
 
+    _check_only(request)
     found = read_record(path)
     if request.recipe_out is not None:
         from sim.record.again import recipe_of
@@ -203,7 +204,7 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     if request.build is not None:
         _build(found, request.build)
     if request.holds:
-        show_holds(found)
+        report(holds_facts(found), request.json, show_holds)
     if request.holds or request.recipe_out or request.build:
         return
     if request.record is not None:
@@ -220,6 +221,19 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     with Bars() as tell:
         again = run_again(found, cell_map, tell)
     _compare(found, again, path, request)
+
+
+def _check_only(request: ReplayRequest) -> None:
+    """Refuse what goes with a replay where something is only taken out of the file."""
+    files = {"--recipe-out": request.recipe_out, "--build": request.build}
+    taken = [word for word, value in files.items() if value is not None]
+    if taken and request.json is not None:
+        raise Refused(
+            f"--json goes with a replay or --holds, not with {taken[0]}; leave it out"
+        )
+    only = ["--holds", *taken] if request.holds else taken
+    if only and request.record is not None:
+        raise Refused(f"--record goes with a replay, not with {only[0]}; leave it out")
 
 
 def _repeat_targets(
@@ -340,17 +354,34 @@ def _build(found: "RunRecord", target: Path) -> None:
     print(f"map {cell_map.hash[:12]} in {target}")
 
 
-def show_holds(record: "RunRecord") -> None:
-    """Print every hold and every slow stretch of a recording, with its reason."""
-    result, rows = record.result(), _rows(record)
-    told = record.head["map"]
+def holds_facts(record: "RunRecord") -> dict:
+    """Return every hold and every slow stretch of a recording as plain data."""
+    result, told = record.result(), record.head["map"]
+    keys = ("start_s", "end_s", "what", "reason")
+    return {
+        "motion": result.motion,
+        "duration_s": round(result.duration_s, 6),
+        "map": told["name"],
+        "map_hash": told["hash"],
+        "holds": len(record.holds),
+        "slow": len(record.slow),
+        "rows": [dict(zip(keys, row, strict=True)) for row in _rows(record)],
+    }
+
+
+def show_holds(facts: dict) -> None:
+    """Print what `holds_facts` returned."""
     print(
-        f"{result.motion}: {result.duration_s:.2f} s on map {told['name']} "
-        f"{told['hash'][:12]}, {len(record.holds)} holds, {len(record.slow)} times "
+        f"{facts['motion']}: {facts['duration_s']:.2f} s on map {facts['map']} "
+        f"{facts['map_hash'][:12]}, {facts['holds']} holds, {facts['slow']} times "
         "slowed or braked"
     )
-    for start, end, what, reason in rows:
-        print(f"{start:9.3f} s to {end:9.3f} s  {what:<10}  {reason}")
+    for row in facts["rows"]:
+        what = f"  {row['what']}" if row["what"] == "later" else row["what"]
+        print(
+            f"{row['start_s']:9.3f} s to {row['end_s']:9.3f} s  {what:<10}  "
+            f"{row['reason']}"
+        )
 
 
 def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:
@@ -359,7 +390,7 @@ def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:
         what = "retreating" if hold["retreating"] else "holding"
         rows.append((hold["start_s"], hold["end_s"], what, hold["reason"]))
         for time, reason in hold["later"]:
-            rows.append((time, hold["end_s"], "  later", reason))
+            rows.append((time, hold["end_s"], "later", reason))
     for slow in record.slow:
         rows.append((slow["start_s"], slow["end_s"], slow["pace"], slow["reason"]))
     return sorted(rows, key=lambda row: row[0])

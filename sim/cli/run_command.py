@@ -75,11 +75,12 @@ def _hand_over(request: DemoRequest) -> None:
     from sim.maintenance.cases import WORK_PLACES, pads_at
     from sim.run.meet import reach_map_of
     from sim.story.request import KEYBOARD, MOCAP
-    from sim.story.tell import recorded_person, tell_story
+    from sim.story.tell import check_object, recorded_person, tell_story
     from sim.terminal.ahead import compile_ahead
 
     live = None
-    # a recording that cannot be played is told before the map is loaded or built
+    # what cannot be handed over or played is told before a map is loaded or built
+    check_object(request)
     person = recorded_person(request) if request.human == MOCAP else None
     if request.human == KEYBOARD:
         from sim.keyboard.story import KeyboardStory

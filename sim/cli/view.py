@@ -14,6 +14,21 @@ if TYPE_CHECKING:
     from sim.view.page import Show
 
 
+# what is often given in place of a recording, and which command shows it
+_OTHERS = {
+    ".json": ("a hand-over plan", "`odm replay {file}` tells and draws it"),
+    ".scene": (
+        "a scene of MoveIt",
+        "`odm run --map MAP --scene {file} --view` shows a run in it",
+    ),
+    ".toml": (
+        "a recipe or a scene",
+        "`odm build` makes a recipe's map, which --map shows, and "
+        "`odm handover plan --plot` draws a scene",
+    ),
+}
+
+
 @dataclass(frozen=True)
 class ViewRequest:
     """What `odm view` is asked for."""
@@ -58,6 +73,8 @@ def view(request: ViewRequest) -> None:
         raise BadInput(f"--at {request.at} is no time; give seconds from 0 on")
     if request.file is None and request.map_dir is None:
         raise BadInput("there is nothing to show; give a recording, or --map MAP")
+    if request.file is not None:
+        _check_kind(request.file)
     check_viewer()
     token = request.token
     if token is None:
@@ -73,6 +90,29 @@ def view(request: ViewRequest) -> None:
     silence()  # what it does is seen
     print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)
     page.run()
+
+
+def _check_kind(path: Path) -> None:
+    """Refuse a file that another command shows, and say which."""
+    from roadmap.errors import BadInput
+
+    kind = path.suffix.lower()
+    if kind not in _OTHERS or not path.is_file():
+        return
+    what, how = _OTHERS[kind]
+    if kind == ".json" and not _is_plan(path):
+        what, how = "a JSON file", "a recording of `odm run --record` is shown here"
+    raise BadInput(f"{path} is {what}, no recording; {how.format(file=path)}")
+
+
+def _is_plan(path: Path) -> bool:
+    from handover.scenes.plan_file import read_plan
+    from roadmap.errors import BadInput
+
+    try:
+        return bool(read_plan(path))
+    except BadInput:
+        return False
 
 
 def recorded_show(request: ViewRequest) -> "Show":

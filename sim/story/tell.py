@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from handover import ReachMap
+from handover import ReachMap, load_object
 from odm import CellMap
 from roadmap.loading.body_tree import FASTER
 from sim.draw.film import FilmSettings
@@ -118,6 +118,16 @@ def tell_story(
     found["story_sha256"] = record.head["outcome"]["story_sha256"]
     say("\n".join((summary_of(result), *map(str, files))))
     return found
+
+
+def check_object(request: DemoRequest) -> None:
+    """Refuse an object of the user's that is none, or no solid, before any map is made.
+
+    Raises:
+        BadInput: See `load_object`.
+    """
+    if request.object is not None:
+        load_object(request.object, request.mass, request.scale or 1.0)
 
 
 def _setup_of(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> StorySetup:

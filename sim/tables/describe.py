@@ -38,6 +38,7 @@ def facts(
     robot, roadmap = cell_map.robot, cell_map.roadmap
     edge_major, block_major = cell_map.arm_cells.bytes_by_view()
     n_edges = max(1, roadmap.n_edges)
+    lengths = roadmap.lengths if roadmap.n_edges else np.zeros(1)
     cells = np.bitwise_count(cell_map.arm_cells.by_item.mask)
     return {
         "name": cell_map.recipe.name,
@@ -47,8 +48,8 @@ def facts(
             "nodes": roadmap.n_nodes,
             "edges": roadmap.n_edges,
             "neighbors_mean": round(2 * roadmap.n_edges / roadmap.n_nodes, 2),
-            "edge_length_mean": _rounded(roadmap.lengths.mean()),
-            "edge_length_max": _rounded(roadmap.lengths.max()),
+            "edge_length_mean": _rounded(lengths.mean()),
+            "edge_length_max": _rounded(lengths.max()),
         },
         "cells": {
             "grid": [int(n) for n in 4 * cell_map.grid.blocks],

@@ -27,6 +27,11 @@ from roadmap.errors import BadRecipe
         ('[robot.locked]\nj = "open"', "robot.locked.j is 'open'"),
         ("[robot.velocity]\nj = nan", "robot.velocity.j is nan"),
         ("name = 3", "name is 3"),
+        ('name = "arm"', "names no robot; write [robot] with source"),
+        ('[robot]\ntip = "hand"', "names no robot"),
+        ('[robot]\nurdf = "arm.urdf"', "did you mean 'source'"),
+        ('name = ""\n[robot]\nsource = "panda"', "name is ''"),
+        ('name = "../x"\n[robot]\nsource = "panda"', "without '/'"),
     ],
 )
 def test_a_mistake_is_told_when_the_recipe_is_read(tmp_path, text, words):
@@ -35,6 +40,12 @@ def test_a_mistake_is_told_when_the_recipe_is_read(tmp_path, text, words):
     with pytest.raises(BadRecipe) as error:
         load_recipe(path)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_recipe_with_the_mark_of_its_encoding_is_read(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text('[robot]\nsource = "arm.urdf"\n', encoding="utf-8-sig")
+    assert load_recipe(path).robot.source == "arm.urdf"
 
 
 def test_a_build_reads_its_scenery_before_the_robot(monkeypatch):

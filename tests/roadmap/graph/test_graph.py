@@ -133,3 +133,15 @@ def test_weights_of_the_wrong_number_are_refused(small_map):
     settings = RoadmapSettings(nodes=50, neighbors=4, weights=(1.0, 2.0))
     with pytest.raises(BuildRefused, match="2 joint weights"):
         build_roadmap(small_map.robot, settings, everything_free)
+
+
+def test_a_roadmap_that_would_have_no_edges_is_refused(small_map):
+    def still(q, dq):  # every node, and no motion
+        return (dq == 0.0).all(axis=1)
+
+    settings = RoadmapSettings(nodes=50, neighbors=4)
+    with pytest.raises(BuildRefused, match="none of .* no edges; give more nodes"):
+        build_roadmap(small_map.robot, settings, still)
+    near = RoadmapSettings(nodes=2, neighbors=1, max_step=1e-3)
+    with pytest.raises(BuildRefused, match="no two of 2 nodes lie within max_step"):
+        build_roadmap(small_map.robot, near, everything_free)

@@ -20,6 +20,7 @@ def refuses(source, words, **options):
 
 def test_a_missing_file_is_refused(tmp_path):
     refuses(tmp_path / "no.urdf", "no URDF file at .*no.urdf")
+    refuses(tmp_path, "is a folder, no URDF file")
 
 
 @pytest.mark.parametrize(
@@ -38,6 +39,13 @@ def test_another_kind_of_file_is_refused(tmp_path):
 def test_a_xacro_file_is_told_how_to_be_expanded(tmp_path):
     (tmp_path / "r.urdf.xacro").write_text("<robot name='x'/>")
     refuses(tmp_path / "r.urdf.xacro", "xacro file; .*xacro r.urdf.xacro > r.urdf$")
+
+
+@pytest.mark.parametrize("named", ['xmlns:xacro="http://www.ros.org/wiki/xacro"', ""])
+def test_elements_that_xacro_should_have_expanded_are_not_dropped(urdf, link, named):
+    file = urdf(link("base", BALL) + "<xacro:gripper side='left'/>")
+    file.write_text(file.read_text().replace("<robot", f"<robot {named}"))
+    refuses(file, "still has the element <xacro:gripper>.*run xacro first")
 
 
 def test_what_is_no_path_and_no_number_is_refused(arm):
@@ -138,7 +146,20 @@ def test_broken_trees_are_refused(urdf, link, joint):
     loop = joint("j", "revolute", "a", "b") + joint("k", "revolute", "b", "a")
     refuses(urdf(ends + loop), "not one tree")
     refuses(urdf(ends + loop + link("root")), "loop through")
-    refuses(urdf(ends + link("a")), "twice")
+    refuses(urdf(ends + link("a")), "the link name 'a' twice")
+    twice = joint("j", "revolute", "a", "b") + joint("k", "fixed", "a", "b")
+    refuses(urdf(ends + twice), "link 'b' is the child of 2 joints .j, k.")
+
+
+def test_parts_without_a_name_or_an_end_are_named(urdf, link, joint):
+    ends = link("a", BALL) + link("b", BALL)
+    arm = ends + joint("j", "revolute", "a", "b")
+    refuses(urdf(arm.replace('<child link="b"/>', "")), "'j' .* names no child link")
+    refuses(urdf(arm.replace('<link name="b"', "<link")), "a <link> of .* has no name")
+    file = urdf(arm)
+    text = file.read_text()
+    file.write_text(text.replace(text[text.index("<robot") :].split(">")[0], "<robot"))
+    refuses(file, "<robot> of .* has no name")
 
 
 def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from small import DATA, small_recipe
+from urdf_parts import BALL, COARSE
 
 import roadmap
 from odm.cell_map.build import robot_of
@@ -50,3 +51,25 @@ def test_the_panda_has_its_maker_s_limits(panda):
     # https://frankaemika.github.io/docs/control_parameters.html
     assert np.allclose(panda.max_acceleration, [15, 7.5, 10, 12.5, 15, 20, 20])
     assert np.allclose(panda.max_jerk, [7500, 3750, 5000, 6250, 7500, 10000, 10000])
+
+
+@pytest.mark.parametrize("stop", [170, 20])
+def test_limits_in_degrees_are_refused(arm, stop):
+    limit = f'<limit lower="-{stop}" upper="{stop}" velocity="120" effort="1"/>'
+    with pytest.raises(BadRobot, match="'turn' .*looks like degrees; give radians"):
+        roadmap.load_robot(arm(BALL, "revolute", limit), **COARSE)
+
+
+@pytest.mark.parametrize(
+    ("stop", "kind"),
+    [(6.28, "revolute"), (12.6, "revolute"), (62.8, "continuous"), (2.0, "prismatic")],
+)
+def test_several_turns_are_no_degrees(arm, stop, kind):
+    limit = f'<limit lower="-{stop}" upper="{stop}" velocity="1" effort="1"/>'
+    assert roadmap.load_robot(arm(BALL, kind, limit), **COARSE).upper[0] == stop
+
+
+def test_a_velocity_that_is_none_is_told_as_the_file_has_it(arm):
+    limit = '<limit lower="-1" upper="1" velocity="-3" effort="1"/>'
+    notes = roadmap.load_robot(arm(BALL, inside=limit), **COARSE).notes
+    assert "turn: velocity limit taken as 1.0 rad/s (-3 in the file)" in notes

@@ -1,6 +1,7 @@
 """`odm camera` and `odm bench camera`: figures, pictures and refusals."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -76,12 +77,20 @@ def test_a_pose_of_six_numbers_is_the_camera_s_own(odm, map_dir, png):
     assert json.loads(out)["cells"] == json.loads(level[1])["cells"]
 
 
+def _cut(path):
+    """Write the first half of an image."""
+    Image.effect_noise((160, 120), 50).convert("I;16").save(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda p: Image.new("RGB", (160, 120)).save(p), "mode RGB"),
         (lambda p: Image.new("L", (160, 120)).save(p), "mode L"),
         (lambda p: p.write_text("no image"), "is no image"),
+        (_cut, "cannot be read to its end"),
         (lambda p: None, "No such file"),
         (
             lambda p: Image.fromarray(np.zeros((120, 160), np.uint16)).save(p),
@@ -101,6 +110,19 @@ def test_what_is_no_depth_image_is_refused_in_one_sentence(
     unfit = words == "sees nothing"  # an image, but a robot would hold
     assert code == (1 if unfit else 2) and len(lines) == 1 and words in lines[0]
     assert not plot.exists() and not out
+
+
+@pytest.mark.parametrize(
+    ("lens", "words"),
+    [
+        ([], "160 x 120 pixels, but .* 640 x 480; give --fx, --cx, --cy of"),
+        (LENS[:4], "give --cy of this camera"),
+        ([*LENS[:2], "--cx", "5000", *LENS[4:]], "cx 5000.0 of .* outside its image"),
+    ],
+)
+def test_intrinsics_of_another_image_are_refused(odm, map_dir, png, lens, words):
+    code, out, err = odm("camera", png, "--map", map_dir, *EYE, *lens)
+    assert code == 2 and not out and re.search(words, err), err
 
 
 def test_joints_that_are_none_are_refused(odm, map_dir, png):

@@ -185,6 +185,7 @@ READ = [  # files that are not there, or are something else
     (("camera", "rgb.png", "--map", "map"), "rgb.png", "16 bits"),
     (("camera", "depth.png", "--map", "map", "--q", "0,1"), "shape (2,)", "a, b, c"),
     (("camera", "depth.png", "--map", "map", "--q", "home"), "--q 'home'", "write"),
+    (("demo", "handover", "--map", "map", "--object", "no.stl"), "no.stl", "mesh"),
     (("workspace", "info", "map"), "map", "reach map"),
     (("grasps", "info", "map"), "map", "grasps"),
     (("run-two", "--map", "map", "--other-map", "no/map"), "no/map", "odm build"),
@@ -192,7 +193,7 @@ READ = [  # files that are not there, or are something else
 
 RECIPES = [  # keys and values of a recipe; told in its own words
     ("[robt]\nsource='arm.urdf'", "'robt'", "did you mean 'robot'"),
-    ("[robot]\nurdf='arm.urdf'", "'urdf'", "Known keys"),
+    ("[robot]\nurdf='arm.urdf'", "'urdf'", "did you mean 'source'"),
     ("[robot]\nsource=3", "robot.source is 3", "text"),
     ("[robot]\nlocked={a='90'}", "robot.locked.a is '90'", "number"),
     ("[robot]\ncover_excess=15.0", "cover_excess is 15", "0.2"),

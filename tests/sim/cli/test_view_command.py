@@ -4,7 +4,9 @@ import json
 import zipfile
 
 import pytest
+from planned import plan_by_hand
 
+from handover.scenes.plan_file import write_plan
 from sim.cli import main as cli
 from sim.view.gate import listening
 
@@ -53,6 +55,19 @@ def test_a_file_that_is_no_recording_is_refused(content, tmp_path):
     path = tmp_path / "run.npz"
     path.write_bytes(content)
     assert str(path) in refused("view", path)
+
+
+def test_a_plan_or_a_scene_is_told_which_command_shows_it(tmp_path):
+    plan = write_plan(tmp_path / "plan.json", plan_by_hand())
+    other = tmp_path / "a.json"
+    other.write_text("{}")
+    scene = tmp_path / "a.scene"
+    scene.write_text("(noname)+\n")
+    assert f"is a hand-over plan, no recording; `odm replay {plan}`" in refused(
+        "view", plan
+    )
+    assert "a.json is a JSON file, no recording" in refused("view", other)
+    assert f"--scene {scene} --view` shows" in refused("view", scene)
 
 
 def test_files_and_maps_that_are_not_there_are_refused(tmp_path):

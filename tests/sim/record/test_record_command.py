@@ -134,6 +134,26 @@ def test_holds_are_listed_without_a_map(odm, crane_urdf, tmp_path):
         start = f"{hold['start_s']:.3f} s to"
         (line,) = [line for line in lines if start in line and "later" not in line]
         assert line.endswith(hold["reason"])
+    code, out, _ = odm("replay", path, "--holds", "--json")
+    data = json.loads(out)
+    assert code == 0 and data["holds"] == len(record.holds)
+    starts = [row["start_s"] for row in data["rows"]]
+    assert starts == sorted(starts) and record.holds[0]["start_s"] in starts
+
+
+@pytest.mark.parametrize("only", ["--recipe-out", "--build", "--holds"])
+def test_what_goes_with_a_replay_is_refused_where_there_is_none(
+    odm, file, only, tmp_path
+):
+    name = {"--recipe-out": ["r.toml"], "--build": ["made"], "--holds": []}[only]
+    words = [only, *(tmp_path / n for n in name)]
+    code, out, err = odm("replay", file, *words, "--record", tmp_path / "a.npz")
+    assert code == 2 and not out
+    assert f"--record goes with a replay, not with {only}" in sentence(err)
+    if only != "--holds":
+        code, out, err = odm("replay", file, *words, "--json", tmp_path / "a.json")
+        assert code == 2 and not out and f"not with {only}; leave" in sentence(err)
+    assert not list(tmp_path.glob("*"))
 
 
 def test_another_map_is_refused_with_both_hashes(odm, map_dir, file, tmp_path):

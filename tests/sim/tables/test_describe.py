@@ -1,6 +1,13 @@
 """What `odm info` says of robots with many links is still a page."""
 
-from sim.tables.describe import MOST_PAIRS, folded, pair_lines
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from roadmap.errors import BadInput
+from roadmap.graph.roadmap import Roadmap
+from sim.tables.describe import MOST_PAIRS, facts, folded, pair_lines
 
 
 def test_many_pairs_of_one_reason_are_one_line():
@@ -19,3 +26,13 @@ def test_what_is_said_of_many_links_is_said_once():
     assert hull == "2 links, one, two: visual hull used"
     assert locked == "locked joints: a = 0"
     assert folded(notes[:1]) == notes[:1] and folded(["no mark"]) == ["no mark"]
+
+
+def test_a_map_without_edges_is_described(small_map):
+    nodes, none = small_map.roadmap.nodes[:1], np.zeros((0, 2), int)
+    alone = Roadmap(nodes, none, np.zeros(0), np.ones(3), np.zeros((1, 0)))
+    cell_map = replace(small_map, roadmap=alone)
+    told = facts(cell_map, with_overhead=False)["roadmap"]
+    assert (told["nodes"], told["edges"], told["edge_length_max"]) == (1, 0, 0.0)
+    with pytest.raises(BadInput, match="no edges"):
+        facts(cell_map)
