@@ -11,6 +11,7 @@ from roadmap.robot.robot import Robot
 MAX_GOALS = 32
 AVOID, CONTACT, OBJECT = 0, 1, 2  # classes of points
 CLASSES = ("avoid", "contact", "object")
+_LEAST_BYTES = 4  # of a whole number; those read from lists have 8
 FLOAT = np.dtype(np.float64)  # mostly the very object that arrays have: compared first
 
 
@@ -23,7 +24,7 @@ def check_points(
     """Return points as C-contiguous (n, 3) float64; NaN is not looked for here."""
     kind = getattr(points, "dtype", None)
     if type(points) is not np.ndarray or (kind is not FLOAT and kind != FLOAT):
-        points = as_floats("points", points)
+        points = point_floats(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise BadInput(
             f"points have shape {points.shape}; give an (n, 3) array, (0, 3) for none"
@@ -87,6 +88,22 @@ def as_floats(name: str, values: object) -> np.ndarray:
         )
     array = np.asarray(array, np.float64)
     return array if array.flags.carray else array.copy(order="C")
+
+
+def point_floats(points: object) -> np.ndarray:
+    """Return points as `as_floats` does; few bits hold no places in metres.
+
+    Raises:
+        BadInput: Whole numbers of 8 or 16 bits, or what `as_floats` refuses.
+    """
+    kind = getattr(points, "dtype", None)
+    whole = isinstance(kind, np.dtype) and kind.kind in "iu"
+    if whole and kind.itemsize < _LEAST_BYTES:
+        raise BadInput(
+            f"points are whole numbers of dtype {kind}, which holds no places in "
+            "metres; give metres as float64"
+        )
+    return as_floats("points", points)
 
 
 def _told(values: object) -> str:

@@ -25,6 +25,7 @@ from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
 from odm.obstacles.surfaces import rounded_covering
+from odm.obstacles.unit import largest_coordinates
 from odm.obstacles.world_frame import WorldFrame
 from odm.owner import refuse_copy
 from odm.search import _frame as kernels
@@ -441,7 +442,7 @@ class Frame:
 
     def median_distance(self) -> float:
         """Return the median of the points' largest coordinates [m]."""
-        return float(np.median(np.abs(self.points).max(axis=1)))
+        return float(np.median(largest_coordinates(self.points)))
 
     def depth_kept(self) -> float:
         """Return how far the innermost of the points kept last is in the grid [m]."""

@@ -16,12 +16,11 @@ from typing import Protocol
 import numpy as np
 
 from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE
+from odm.obstacles.unit import not_finite, too_far_off
 from roadmap.errors import BadInput
 
 _LEAVES = 4.0  # [m/s] nobody gets out of the grid faster
 _JITTER = 0.05  # [m] that measured points may jump
-# from so far a median distance on [m] it looks like these, and this many make a metre
-_UNITS = ((200.0, "millimetres", 1000), (20.0, "centimetres", 100))
 
 
 class Shown(Protocol):
@@ -93,10 +92,7 @@ class SensorWatch:
         """
         bad = counts.item(N_BAD)
         if bad:
-            return (
-                f"{bad} obstacle points are NaN or infinite, so the person may be "
-                "anywhere; check the sensor"
-            )
+            return not_finite(bad)
         if stamp is not None or now is not None:
             if not (_is_time(stamp) and _is_time(now)):
                 raise BadInput(
@@ -159,19 +155,9 @@ class SensorWatch:
         """Return what is wrong with a frame that is mostly outside, or None."""
         limit = self.max_range_m
         n, n_beyond = shown.beyond(limit)
-        if 2 * n_beyond > n:
-            far = shown.median_distance()
-            for least, unit, many in _UNITS:
-                if far >= least:
-                    unit = f"these look like {unit}: divide by {many}"
-                    break
-            else:
-                unit = "give metres"
-            return (
-                f"most of the {n} obstacle points are more than {limit:g} m "
-                f"from the robot's base, {far:.3g} m in the middle; {unit}, or raise "
-                "max_range_m"
-            )
+        text = too_far_off(n, n_beyond, limit, shown.median_distance)
+        if text is not None:
+            return text
         before = self.seen_inside
         if inside or stamp is None or before is None:
             return None

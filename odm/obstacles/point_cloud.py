@@ -1,11 +1,19 @@
 """Points of a sensor made ready for a frame: transformed, cropped, thinned."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from odm.checks import as_floats
+from odm.checks import as_floats, point_floats
 from odm.obstacles.shapes import check_pose
+from odm.obstacles.unit import (
+    FROM_BASE,
+    MAX_RANGE_M,
+    largest_coordinates,
+    not_finite,
+    too_far_off,
+)
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
@@ -52,6 +60,11 @@ class PointCloud:
     thinned so that the surface keeps a covering radius that is proved: every place that
     had a point within `spacing` has one within `covering_radius`.
 
+    A crop makes an empty room of points in a wrong unit, and leaving out NaN one of a
+    camera that gives nothing else. So `trouble` is found before, as a planner finds it
+    of points that come as they are; `planner.step` holds for it. Without a crop the
+    planner itself looks at the unit.
+
     Args:
         points: (n, 3) points, camera frame [m]; or (rows, columns, 3).
         T_world_camera: (4, 4) pose of the camera; None: the points are in the world.
@@ -63,11 +76,16 @@ class PointCloud:
             a seen surface is farther from its nearest point. For a camera of pixels
             `a` rad apart at distance z, about 0.71 z a on a surface that faces it,
             more on a slanting one. See docs/clouds.md.
+        max_range_m: Where most points are farther than this from the robot's base
+            along an axis, or outside a crop by corners, their unit is wrong [m]; None:
+            the setting of the planner that crops, else 20 m.
 
     Attributes:
         points: (k, 3) what is left, world frame [m].
         covering_radius: Of these: `spacing` and what thinning added, measured [m].
         nan, cropped, thinned: How many points were left out, by reason.
+        trouble: Why the sensor's points are of no use, so that `points` must not be
+            taken for what is there; None where they are. No points are no trouble.
 
     Raises:
         BadInput: Wrong shape, a pose that is not rigid, or a covering radius that is
@@ -82,24 +100,30 @@ class PointCloud:
         crop: object = None,
         covering_radius: float | None = None,
         spacing: float = 0.005,
+        max_range_m: float | None = None,
     ) -> None:
         """Do all of it."""
-        points = as_floats("points", points)
+        points = point_floats(points)
         if points.ndim not in (2, 3) or points.shape[-1] != 3:
             raise BadInput(
                 f"points have shape {points.shape}; give (n, 3), or (rows, columns, 3)"
             )
         points = points.reshape(-1, 3)
         spacing = float(check_number("spacing in m", spacing, 0.0, 0.5))
+        if max_range_m is not None:
+            max_range_m = check_number("max_range_m in m", max_range_m, 0.1, 1e6)
         seen = np.isfinite(points).all(axis=1)
         self.nan = len(points) - int(seen.sum())
+        self.trouble: str | None = None
+        if self.nan and self.nan == len(points):
+            self.trouble = not_finite(self.nan)
         points = points if not self.nan else points[seen]
         if T_world_camera is not None:
             T = check_pose(T_world_camera)
             points = points @ T[:3, :3].T + T[:3, 3]
-        inside = _inside(points, crop)
-        self.cropped = len(points) - int(inside.sum())
-        points = points if not self.cropped else points[inside]
+        self.cropped = 0
+        if crop is not None:
+            points = self._crop(points, _crop_of(crop), max_range_m)
         self.thinned, self.covering_radius = 0, spacing
         if covering_radius is not None:
             wanted = check_number("covering_radius in m", covering_radius, 0.0, 0.5)
@@ -115,44 +139,80 @@ class PointCloud:
             points = points[kept]
         self.points = np.ascontiguousarray(points)
 
+    def _crop(
+        self, points: np.ndarray, crop: "_Crop", limit: float | None
+    ) -> np.ndarray:
+        """Return the points (n, 3) inside; count the others, note what is wrong."""
+        there, limit = crop.placed(points), crop.max_range_m if limit is None else limit
+        if self.trouble is None:
+            away = crop.away(there)
+            n_beyond = int(np.count_nonzero(away > limit))
+            self.trouble = too_far_off(
+                len(away), n_beyond, limit, lambda: float(np.median(away)), crop.whence
+            )
+        inside = ((there >= crop.lower) & (there <= crop.upper)).all(axis=1)
+        self.cropped = len(points) - int(inside.sum())
+        return points if not self.cropped else points[inside]
+
     def __len__(self) -> int:
         """Return how many points are left."""
         return len(self.points)
 
     def __repr__(self) -> str:
         """Say what was done."""
+        trouble = "" if self.trouble is None else f"; of no use: {self.trouble}"
         return (
             f"PointCloud({len(self)} points, covering radius "
             f"{self.covering_radius:.4g} m; left out: {self.nan} NaN, {self.cropped} "
-            f"cropped, {self.thinned} thinned)"
+            f"cropped, {self.thinned} thinned{trouble})"
         )
 
 
-def _inside(points: np.ndarray, crop: object) -> np.ndarray:
-    """Return which points (n, 3) are inside the crop."""
-    if crop is None:
-        return np.ones(len(points), np.bool_)
-    grid, margin, T = _grid_of(crop)
-    if grid is None:
-        lower, upper = _corners(crop)
-        return ((points >= lower) & (points <= upper)).all(axis=1)
-    if T is not None:
-        points = points @ T[:3, :3].T + T[:3, 3]
-    lower, upper = grid.origin - margin, grid.upper + margin
-    return ((points >= lower) & (points <= upper)).all(axis=1)
+class _Crop(NamedTuple):
+    """What is kept of a cloud, and what its distances are measured from.
+
+    Attributes:
+        lower, upper: (3,) corners of the box that is kept [m].
+        T: (4, 4) the world's pose in the frame of the corners; None: they are the same.
+        whence: From where points are far away.
+        max_range_m: How far most of them may be [m].
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    T: np.ndarray | None
+    whence: str
+    max_range_m: float
+
+    def placed(self, points: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) of the world in the frame of the corners."""
+        if self.T is None:
+            return points
+        return points @ self.T[:3, :3].T + self.T[:3, 3]
+
+    def away(self, points: np.ndarray) -> np.ndarray:
+        """Return how far placed points (n, 3) are away along an axis, (n,) [m]."""
+        if self.whence == FROM_BASE:
+            return largest_coordinates(points)
+        outside = np.maximum(self.lower - points, points - self.upper)
+        return np.maximum(outside, 0.0).max(axis=1)
 
 
-def _grid_of(crop: object) -> tuple:
-    """Return grid, margin beyond it and the world's pose of a planner or a map."""
+def _crop_of(crop: object) -> _Crop:
+    """Return what a planner, a map or two corners keep."""
     grid = getattr(crop, "grid", None)
     if grid is not None:
-        return grid, 0.0, None
+        return _Crop(grid.origin, grid.upper, None, FROM_BASE, MAX_RANGE_M)
     cell_map, world = getattr(crop, "cell_map", None), getattr(crop, "world", None)
     if cell_map is None or world is None:
-        return None, 0.0, None
+        lower, upper = _corners(crop)
+        return _Crop(lower, upper, None, "outside the crop", MAX_RANGE_M)
     # where extra clearance is kept, points so far outside the grid count, too
     extra: float = crop.extra  # type: ignore[attr-defined]
-    return cell_map.grid, extra + 1e-6, world.T_base_world
+    grid, margin = cell_map.grid, extra + 1e-6
+    lower, upper = grid.origin - margin, grid.upper + margin
+    limit: float = crop.settings.max_range_m  # type: ignore[attr-defined]
+    return _Crop(lower, upper, world.T_base_world, FROM_BASE, limit)
 
 
 def _corners(crop: object) -> np.ndarray:

@@ -473,11 +473,15 @@ class ReactivePlanner:
         if said is not None:
             q = frame.q_taken
         else:
+            unfit = None
             if type(points) is PointCloud:
-                covering_radius, points = points.covering_radius, points.points
+                covering_radius, unfit = points.covering_radius, points.trouble
+                points = points.points
             points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
-            at_once = q if self.decision.begin() else None
+            at_once = q if self.decision.begin() and unfit is None else None
             said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
+            if unfit is not None:
+                frame.trouble = unfit
         if not closed:
             shapes = frame.obstacles is not None and frame.n_given == 0
             closed = shapes or labels is not None
@@ -528,11 +532,14 @@ class ReactivePlanner:
         Raises:
             BadInput: As `step` does.
         """
-        frame, radius = self.frame, None
+        frame, radius, unfit = self.frame, None, None
         if type(points) is PointCloud:
-            radius, points = points.covering_radius, points.points
+            radius, unfit = points.covering_radius, points.trouble
+            points = points.points
         points, q = frame.checked(points, q, None, None, radius, None)
         frame.take(points, radius, None, stamp, now)
+        if unfit is not None:
+            frame.trouble = unfit
         self.path.followed = False
         if frame.trouble is None:
             self.decision.see(q, now)

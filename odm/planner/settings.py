@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 
+from odm.obstacles.unit import MAX_RANGE_M
 from odm.search.state import MAX_ATTACHMENTS
 from roadmap.errors import BadInput
 from roadmap.ranges import check_row, check_settings
@@ -94,7 +95,7 @@ class PlannerSettings:
     point_capacity: int = 32768
     cached_goals: int = 0
     search: int = 1000
-    max_range_m: float = 20.0
+    max_range_m: float = MAX_RANGE_M
 
     def __post_init__(self) -> None:
         check_settings(self, _RANGES, _COUNTS)

@@ -49,8 +49,7 @@ class Signals:
             self._before[number] = signal.signal(number, handler)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
-        if number == signal.SIGINT:
-            interrupt.taken()
+        interrupt.taken(number)
         if self.ended is not None:
             raise KeyboardInterrupt
         self.ended = signal.Signals(number).name

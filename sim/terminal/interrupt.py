@@ -1,5 +1,8 @@
 """Ctrl-C ends a command: soon, with exit code 130, and nothing is left behind.
 
+So does SIGTERM, which `timeout`, `kill` and service managers send, with code 143. It is
+heard as Ctrl-C is, and called so below.
+
 Python turns Ctrl-C into one KeyboardInterrupt, raised between two instructions of the
 main thread. That alone does not end a program: an import, a `__del__` or a callback
 from C swallows it, machine code runs for seconds before it is raised, and a pool waits
@@ -15,9 +18,10 @@ A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
 milliseconds. In llvmlite, `_OWNING`, it is not raised either. A command that makes use
 of what it has so far asks for `patience`.
 
-A program that was started with SIGINT ignored (nohup) keeps ignoring it. Before
-`listen` is called, in the first hundredths of a second, Ctrl-C is Python's own. Nothing
-heavy is imported here, for the same reason.
+A program that was started with a signal ignored (nohup) keeps ignoring it; processes
+that it starts hear signals as Python does. Before `listen` is called, in the first
+hundredths of a second, Ctrl-C is Python's own. Nothing heavy is imported here, for the
+same reason.
 """
 
 import os
@@ -32,6 +36,9 @@ from sys import _current_frames
 from types import CodeType, FrameType
 
 EXIT_CODE = 130
+# the exit code by each signal, and whose it is where we may take it
+_CODES = {signal.SIGINT: EXIT_CODE, signal.SIGTERM: 143}
+_PLAIN = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 SENTENCE = "odm: interrupted; nothing half-written was left behind"
 GRACE = 1.0  # [s] for tidying up; with it the end comes within 2 s on a busy machine
 _AGAIN = 0.02  # [s] between two tries where it could not be raised
@@ -49,18 +56,22 @@ _OWNING = "/llvmlite/binding/"
 
 
 class _Listener:
-    """Hears Ctrl-C in this process; see the module."""
+    """Hears Ctrl-C in this process, as some of `_CODES`; see the module."""
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: list[int]) -> None:
         self.noted = self.raising = False
+        self.code = EXIT_CODE
         self.grace = GRACE
         self._raised_at: float | None = None
         self._hurry = False
-        self.taken = self._passed_over = 0  # by others; what `_watch` left to them
+        # of each signal: taken by others, and what `_watch` left to them
+        self.taken = dict.fromkeys(numbers, 0)
+        self._passed_over = dict.fromkeys(numbers, 0)
         self._ending = threading.Lock()
         self._heard, written = os.pipe()
         os.set_blocking(written, False)
-        signal.signal(signal.SIGINT, self._note)
+        for number in numbers:
+            signal.signal(number, self._note)
         signal.set_wakeup_fd(written, warn_on_full_buffer=False)
         self._unraisable, sys.unraisablehook = sys.unraisablehook, self._ignored
         self._printed, sys.excepthook = sys.excepthook, self._told
@@ -68,7 +79,8 @@ class _Listener:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         """Raise KeyboardInterrupt in the main thread, once."""
-        self.noted = True
+        if not self.noted:
+            self.noted, self.code = True, _CODES[number]
         if self._raised_at is not None:
             self._hurry |= time.monotonic() - self._raised_at > _SECOND
         elif not _is_whole(frame) and not _is_owning(frame):
@@ -97,29 +109,31 @@ class _Listener:
     def _watch(self) -> None:
         """End the process some time after the signal, unless it has ended by then."""
         main = threading.main_thread().ident
-        while not self._is_meant(os.read(self._heard, 64)):
-            pass
+        number = None
+        while number is None:
+            number = self._meant(os.read(self._heard, 64))
         begun = time.monotonic()
         while time.monotonic() - begun < self.grace and not self._hurry:
             time.sleep(_AGAIN)
             if self._raised_at is None:
-                signal.pthread_kill(main, signal.SIGINT)
+                signal.pthread_kill(main, number)
         self.end()
 
-    def _is_meant(self, heard: bytes) -> bool:
-        """Return whether signals hold a Ctrl-C that nobody else has taken, or takes.
+    def _meant(self, heard: bytes) -> int | None:
+        """Return the signal in `heard` that nobody else has taken, or takes, if any.
 
         This thread may wake only when the other one has given Ctrl-C back.
         """
-        n = heard.count(signal.SIGINT)
-        if n and self._is_ours() and self.taken <= self._passed_over:
-            return True
-        self._passed_over += n
-        return False
+        for number, taken in self.taken.items():
+            n = heard.count(number)
+            if n and self._is_ours(number) and taken <= self._passed_over[number]:
+                return number
+            self._passed_over[number] += n
+        return None
 
-    def _is_ours(self) -> bool:
-        """Return whether no one else, as the keyboard's screen, takes Ctrl-C now."""
-        return signal.getsignal(signal.SIGINT) == self._note
+    def _is_ours(self, number: int) -> bool:
+        """Return whether no one else, as the keyboard's screen, takes a signal now."""
+        return signal.getsignal(number) == self._note
 
     def end(self) -> None:
         """End the process now; does not return."""
@@ -138,7 +152,7 @@ class _Listener:
                 break
             time.sleep(0.005)
         _remove_unfinished()  # what another thread has made meanwhile
-        _exit(EXIT_CODE)
+        _exit(self.code)
 
 
 _listener: _Listener | None = None
@@ -148,18 +162,19 @@ def listen() -> None:
     """Hear Ctrl-C from now on; the first thing a command does, in its main thread.
 
     Until `interruptible` is entered nothing was begun, so that Ctrl-C ends the process
-    at once. Where SIGINT is ignored, or somebody else's, it is left so.
+    at once. Where a signal is ignored, or somebody else's, it is left so.
     """
     global _listener
-    plain = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if _listener is None and plain:
-        _listener = _Listener()
+    if _listener is None:
+        numbers = [n for n, mine in _PLAIN.items() if signal.getsignal(n) is mine]
+        if numbers:
+            _listener = _Listener(numbers)
 
 
-def taken() -> None:
-    """Say that another handler, as the keyboard's screen, took a Ctrl-C; in it."""
-    if _listener is not None:
-        _listener.taken += 1
+def taken(number: int) -> None:
+    """Say that another handler, as the keyboard's screen, took a signal; in it."""
+    if _listener is not None and number in _listener.taken:
+        _listener.taken[number] += 1
 
 
 @contextmanager
@@ -182,6 +197,11 @@ def interruptible() -> Iterator[None]:
 def noted() -> bool:
     """Return whether Ctrl-C was pressed, even if a library swallowed the exception."""
     return _listener is not None and _listener.noted
+
+
+def exit_code() -> int:
+    """Return the code of a command that was interrupted: 130, or that of the signal."""
+    return EXIT_CODE if _listener is None else _listener.code
 
 
 @contextmanager

@@ -24,8 +24,9 @@ def guarded(command: Callable) -> Callable:
     """Return the command with its errors as one sentence and an exit code.
 
     2: what was asked cannot be done: the planner's own errors, a missing extra, a file
-    that cannot be read or written; 130: Ctrl-C. A command leaves with 1 itself, where
-    it found something. Anything else is a fault of ours and keeps its traceback.
+    that cannot be read or written; 130: Ctrl-C; 143: SIGTERM. A command leaves with 1
+    itself, where it found something. Anything else is a fault of ours and keeps its
+    traceback.
     """
 
     @functools.wraps(command)
@@ -87,7 +88,7 @@ def no_room(error: Exception) -> str | None:
 def _stop() -> None:
     if not interrupt.noted():  # where it was, the end of the command tells
         print(interrupt.SENTENCE, file=sys.stderr)
-    raise typer.Exit(interrupt.EXIT_CODE)
+    raise typer.Exit(interrupt.exit_code())
 
 
 def leave(sentence: str, code: int) -> None:

@@ -1,5 +1,7 @@
 """A camera's points are moved, cropped and thinned; nothing is lost uncounted."""
 
+import re
+
 import numpy as np
 import pytest
 from nearest import to_nearest
@@ -53,7 +55,7 @@ def test_nan_is_counted_and_left_out():
     assert cloud.nan == 3 and len(cloud) == 3597 and np.isfinite(cloud.points).all()
     assert "3 NaN" in repr(cloud)
     nothing = odm.PointCloud(np.full((4, 3), np.nan), covering_radius=0.02)
-    assert len(nothing) == 0 and nothing.nan == 4
+    assert len(nothing) == 0 and nothing.nan == 4 and nothing.trouble
     assert len(odm.PointCloud(np.zeros((0, 3)))) == 0
 
 
@@ -72,6 +74,43 @@ def test_a_crop_to_the_robot_leaves_out_what_no_motion_reaches(planner, rng):
     assert 0 < len(inside) < 1000
 
 
+@pytest.mark.parametrize(
+    ("points", "told"),
+    [
+        (1000.0 * wall(), "more than 20 m .* millimetres: divide by 1000"),
+        (100.0 * wall(), "centimetres: divide by 100"),
+        (np.nan * wall(), "3600 obstacle points are NaN or infinite.*check the sensor"),
+    ],
+)
+def test_a_cloud_that_a_crop_would_empty_wrongly_holds(planner, points, told):
+    q = np.array([1.2, 0.6, 0.0])
+    planner.set_goals([-q])
+    for crop in (planner, planner.cell_map, ([-1.0] * 3, [1.0] * 3)):
+        cloud = odm.PointCloud(points, crop=crop, covering_radius=0.02)
+        assert len(cloud) == 0 and "of no use" in repr(cloud)
+        for _ in range(2):
+            answer = planner.step(cloud, q=q)
+            assert answer.status == "holding"
+            assert re.search(told, answer.reason), answer.reason
+        assert planner.see(cloud, q=q) == cloud.trouble
+        for good in (wall() + [5.0, 0, 0], np.zeros((0, 3))):
+            cloud = odm.PointCloud(good, crop=crop)
+            assert len(cloud) == 0 and cloud.trouble is None
+            assert planner.step(cloud, q=q).status != "holding"
+
+
+def test_how_far_a_sensor_sees_is_the_planners_setting_or_told(planner):
+    assert odm.PointCloud(wall() + [30.0, 0, 0], crop=planner).trouble is not None
+    far = odm.PlannerSettings(max_range_m=50.0)
+    planner = odm.ReactivePlanner(planner.cell_map, settings=far)
+    assert odm.PointCloud(wall() + [30.0, 0, 0], crop=planner).trouble is None
+    box = [29.0, -5.0, -5.0], [80.0, 5.0, 5.0]  # far from the world's origin
+    assert odm.PointCloud(wall() + [30.0, 0, 0], crop=box).trouble is None
+    cloud = odm.PointCloud(wall(), crop=box)
+    assert "more than 20 m outside the crop" in cloud.trouble
+    assert odm.PointCloud(wall(), crop=box, max_range_m=100.0).trouble is None
+
+
 def test_a_cloud_brings_its_covering_radius(planner):
     q = np.array([1.2, 0.6, 0.0])
     planner.set_goals([-q])
@@ -88,6 +127,8 @@ def test_a_cloud_brings_its_covering_radius(planner):
     ("how", "told"),
     [
         ({"points": np.zeros((3, 2))}, r"shape \(3, 2\); give \(n, 3\)"),
+        ({"points": np.zeros((3, 3), np.uint8)}, "dtype uint8, .* float64"),
+        ({"max_range_m": 0.0}, "max_range_m in m is 0.0"),
         ({"points": "cloud"}, "points must be an array of real numbers"),
         ({"T_world_camera": np.ones((4, 4))}, "not a rigid"),
         ({"spacing": -0.1}, "spacing in m is -0.1"),

@@ -150,9 +150,9 @@ with interrupt.interruptible(), interrupt.patience(20.0):
 """
 
 
-def end(process):
+def end(process, number=signal.SIGINT):
     """Send Ctrl-C; return exit code, seconds, stdout and stderr."""
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     begun = time.monotonic()
     out, err = process.communicate(timeout=60)
     return process.returncode, time.monotonic() - begun, out, err
@@ -166,6 +166,39 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert code == 130 and seconds < PATIENCE_S
     assert err.count("interrupted") == 1 and "Traceback" not in err
     assert "never" not in out
+
+
+@pytest.mark.parametrize("script", [SWALLOWED, IN_CALLBACK, BEFORE_ANYTHING])
+def test_sigterm_ends_a_command_as_ctrl_c_does(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        code, seconds, out, err = end(process, signal.SIGTERM)
+    assert code == 143 and seconds < PATIENCE_S
+    assert err.count("interrupted") == 1 and "Traceback" not in err
+    assert "never" not in out
+
+
+def test_sigterm_is_heard_where_ctrl_c_is_ignored(tmp_path):  # of a script's odm run &
+    head = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    with started(["-c", head + HEAD + WRITING], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.1)
+        assert process.poll() is None
+        assert end(process, signal.SIGTERM)[0] == 143
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_that_a_command_starts_hears_sigterm_as_python_does(tmp_path):
+    script = """
+import subprocess
+with interrupt.interruptible():
+    other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    other.terminate()
+    print(other.wait(), flush=True)
+"""
+    with started(["-c", HEAD + script], tmp_path) as process:
+        assert process.communicate(timeout=60)[0] == f"{-signal.SIGTERM}\n"
 
 
 def test_a_folder_that_is_still_being_written_goes_with_the_process(tmp_path):
@@ -236,8 +269,9 @@ def test_a_build_ends_while_it_samples_and_leaves_nothing(
     command = commands(tmp_path)[k]
     with started(["-m", "sim", *command.words], tmp_path) as process:
         wait_for(process.stderr, stage)
-        code, seconds, _, err = end(process)
-    assert code == 130 and seconds < PATIENCE_S, err
+        number = (signal.SIGTERM, None, signal.SIGINT)[k]  # one of each is enough
+        code, seconds, _, err = end(process, number)
+    assert code == 128 + number and seconds < PATIENCE_S, err
     assert err.count("interrupted") == 1 and "Traceback" not in err
     assert not [*tmp_path.iterdir(), *temporary.iterdir()]
 

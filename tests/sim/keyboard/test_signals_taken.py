@@ -12,6 +12,7 @@ from sim.terminal import interrupt
 
 # as in a shell with somebody at it, whatever shell the tests run in
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGTERM, signal.SIG_DFL)
 plain_read = os.read
 
 def late(*given):  # a thread that wakes late, as on a busy machine
@@ -25,22 +26,27 @@ with interrupt.interruptible():
     interrupt._listener.grace = 0.2
     for _ in range({taken}):
         with Signals() as signals:
-            signal.raise_signal(signal.SIGINT)
-        assert signals.ended == "SIGINT"
+            signal.raise_signal(signal.{name})
+        assert signals.ended == "{name}"
     time.sleep(1.2)
     print("its figures are written", flush=True)
     if {again}:
         try:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.{name})
         except KeyboardInterrupt:
             time.sleep(5.0)
 """
 
 
-@pytest.mark.parametrize(("taken", "again", "code"), [(1, False, 0), (2, True, 130)])
-def test_who_took_it_goes_on_and_the_next_one_ends_the_process(taken, again, code):
+@pytest.mark.parametrize(
+    ("taken", "again", "name", "code"),
+    [(1, False, "SIGINT", 0), (2, True, "SIGINT", 130), (1, True, "SIGTERM", 143)],
+)
+def test_who_took_it_goes_on_and_the_next_one_ends_the_process(
+    taken, again, name, code
+):
     done = subprocess.run(
-        [sys.executable, "-c", _CODE.format(taken=taken, again=again)],
+        [sys.executable, "-c", _CODE.format(taken=taken, again=again, name=name)],
         capture_output=True,
         text=True,
         timeout=60,

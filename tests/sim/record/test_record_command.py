@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from command_line import started
 from keyboard_pty import User
 from mocap_files import write_bvh
 from recorded import crane_recipe, tampered
@@ -252,6 +253,28 @@ def test_ctrl_c_writes_what_was_run(odm, map_dir, tmp_path, monkeypatch):
         write_record(again, tmp_path / "again.npz").read_bytes()
         == (tmp_path / "run.npz").read_bytes()
     )
+
+
+def test_sigterm_writes_what_was_run(map_dir, tmp_path):
+    script = f"""
+import signal, sys
+from sim.loop.loop import Loop
+from sim.__main__ import main
+frame = Loop.frame
+def ended(loop):
+    if loop.index == 123 and loop.settings.duration_s == 10.0:
+        signal.raise_signal(signal.SIGTERM)
+    return frame(loop)
+Loop.frame = ended
+words = ["run", "--map", {str(map_dir)!r}, "--seconds", "10", "--record", "run.npz"]
+sys.argv = ["odm", *words]
+main()
+"""
+    with started(["-c", script], tmp_path) as process:
+        err = process.communicate(timeout=60)[1]
+    assert process.returncode == 143 and "123 frames in run.npz" in err, err
+    assert err.count("interrupted") == 1 and "Traceback" not in err
+    assert read_record(tmp_path / "run.npz").frames == 123
 
 
 @pytest.mark.parametrize("end", [b"q", b"\x03"])
