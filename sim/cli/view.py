@@ -140,6 +140,7 @@ def recorded_show(request: ViewRequest) -> "Show":
         lambda: robot_parts(source.robot, asked.get("source", ""), asked.get("locked")),
         load,
         still=standing_of_record(record),
+        lowest=source.lowest,
     )
 
 

@@ -4,12 +4,10 @@ import numpy as np
 
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
+from sim.draw.style import FURNITURE, LOAD, person_colours
 from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import Camera
 
-SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)
-LOAD = (0.85, 0.62, 0.16)
-FURNITURE = (0.85, 0.80, 0.74)
 LINKS = (0.90, 0.90, 0.91), (0.78, 0.80, 0.83)
 LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
 BEAD = 0.006  # distance of the balls a capsule is drawn with [m]
@@ -44,12 +42,12 @@ class CoverWorld:
         centers = sphere_centers(self._robot, q)
         radii = self._robot.spheres[:, 3:4]
         balls = [self._still, np.hstack([centers, radii, self._colours])]
-        for index, row in enumerate(capsules):
+        clad = person_colours(len(capsules) - things)
+        for row, colour in zip(
+            capsules, (*clad, *[np.array(LOAD)] * things), strict=True
+        ):
             length = np.linalg.norm(row[3:6] - row[:3])
             s = np.linspace(0.0, 1.0, 2 + int(length / BEAD))[:, None]
-            colour = np.array(SLEEVE if index % 2 == 0 else SKIN)
-            if index >= len(capsules) - things:
-                colour = np.array(LOAD)
             beads = row[:3] + s * (row[3:6] - row[:3])
             rest = np.tile(np.r_[row[6], colour], (len(s), 1))
             balls.append(np.hstack([beads, rest]))

@@ -10,7 +10,23 @@ INK, FAINT, LINE, PALE = "#2c343e", "#8c96a0", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
 BODY, BODY_EDGE = "#dfe4e9", "#7c8894"
+# of a person and what is carried or stands around, each 0 to 1; see `person_colours`
+SLEEVE, SKIN = (0.36, 0.52, 0.74), (0.93, 0.72, 0.60)
+LOAD, FURNITURE = (0.85, 0.62, 0.16), (0.85, 0.80, 0.74)
 QUALITY = "viridis"  # colours from bad to good, equal steps to the eye
+
+# which capsules of a person are clothed (c) or bare (b), by their number: those of
+# `handover.human.body` come hand, forearm, upper arm, then trunk, shoulders and head,
+# then legs; those of `sim.people.arm` upper arm, then forearm with hand
+_ARM, _WHOLE = "bbc", "bbcbbcccb"
+_CLOTHES = {
+    len(parts): parts
+    for parts in (
+        *("cb", "cbcb"),  # an arm, two arms
+        *(_ARM, f"{_ARM}cb", f"{_ARM}ccb"),  # one is tracked, without or with a trunk
+        *(_WHOLE, f"{_WHOLE}cccccc", 2 * f"{_WHOLE}cccccc"),
+    )
+}
 
 AXES = "xyz"
 VIEWS = {  # axis looked along: axes across and up, and the name of the view
@@ -23,6 +39,16 @@ VIEWS = {  # axis looked along: axes across and up, and the name of the view
 def rgb(colour: str) -> tuple[int, int, int]:
     """Return '#rrggbb' as three numbers from 0 to 255, for PIL."""
     return tuple(bytes.fromhex(colour[1:]))
+
+
+def person_colours(n: int) -> np.ndarray:
+    """Return the colours of a person's n capsules, (n, 3) from 0 to 1.
+
+    Hands, forearms and head are skin, all else is clothed, as capsules are that come in
+    another number than those of a person whom we know.
+    """
+    parts = _CLOTHES.get(n, n * "c")
+    return np.array([SKIN if part == "b" else SLEEVE for part in parts]).reshape(-1, 3)
 
 
 def new_figure(width: float, height: float, title: str = "") -> object:

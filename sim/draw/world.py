@@ -18,11 +18,10 @@ from roadmap.robot.description import Description, read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
+from sim.draw.style import FURNITURE, LOAD, person_colours
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
-SLEEVE, SKIN = (0.36, 0.52, 0.74, 1.0), (0.93, 0.72, 0.60, 1.0)
-LOAD, FURNITURE = (0.85, 0.62, 0.16, 1.0), (0.85, 0.80, 0.74, 1.0)
 _MOST_TRIANGLES = 10_000  # of one body
 # what the library says when it is imported, and of links without masses
 GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
@@ -146,7 +145,7 @@ class World:
                 vertices=some.reshape(-1, 3).tolist(),
                 normals=np.repeat(normals, 3, axis=0).tolist(),
                 indices=list(range(3 * len(some))),
-                rgbaColor=FURNITURE,
+                rgbaColor=(*FURNITURE, 1.0),
                 specularColor=[0.05, 0.05, 0.05],
             )
             self._call("createMultiBody", 0, -1, visual)
@@ -205,8 +204,8 @@ class World:
         for body in self._person:
             self._call("removeBody", body)
         self._sizes, self._things = sizes, things
-        colours = [SLEEVE if i % 2 == 0 else SKIN for i in range(len(sizes))]
-        colours[len(sizes) - things :] = [LOAD] * things
+        clad = person_colours(len(sizes) - things).tolist()
+        colours = [(*colour, 1.0) for colour in (*clad, *[LOAD] * things)]
         self._person = [
             self._capsule(*size, colour)
             for size, colour in zip(sizes, colours, strict=True)

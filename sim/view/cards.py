@@ -210,7 +210,9 @@ def _stretches(rows: np.ndarray, begin: float, length: float) -> list[tuple]:
 
 def legend(has_map: bool, has_quality: bool) -> str:
     """Return what each colour means."""
-    rows = [("box", looks.SKIN, "person"), ("line", looks.PATH, "path of the tool")]
+    rows = [("box", looks.SLEEVE, "person: clothes")]
+    rows.append(("box", looks.SKIN, "person: skin"))
+    rows.append(("line", looks.PATH, "path of the tool"))
     rows.append(("line", looks.BEFORE, "the path before it"))
     rows.append(("box", looks.LOAD, "what is carried"))
     if has_map:

@@ -2,10 +2,13 @@
 
 import numpy as np
 
+from sim.draw import style
 from sim.draw.style import AMBER, FAINT, RED, SLATE, TEAL, rgb
 from sim.view import moment as m
 
 PURPLE = "#7050b0"
+_STANDS = 0.1  # nobody's lowest part is thicker [m]
+_PUT_AWAY = -4.0  # nobody stands so far below the robot's base [m]
 FOV = np.radians(38.0)  # vertical opening of the camera [rad]
 STATE_COLOURS = {
     m.STILL: FAINT,
@@ -18,8 +21,10 @@ STATE_COLOURS = {
     m.CONTACT: "#7a0000",
 }
 ROBOT, BASE = (222, 225, 229), (176, 184, 192)
-SLEEVE, SKIN = (92, 133, 189), (237, 184, 153)
-LOAD, FURNITURE = (217, 158, 41), (216, 205, 189)
+SLEEVE, SKIN, LOAD, FURNITURE = (
+    tuple(round(255 * part) for part in colour)
+    for colour in (style.SLEEVE, style.SKIN, style.LOAD, style.FURNITURE)
+)
 CELL, POINT = (214, 120, 40), (120, 90, 60)
 SKY, GROUND = (255, 255, 255), (196, 200, 206)
 FREE_EDGE, BLOCKED_EDGE = (150, 188, 186), (196, 62, 62)
@@ -81,6 +86,18 @@ def wxyz_of(R: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     return np.roll(Rotation.from_matrix(R).as_quat(), 1)
+
+
+def lowest_of(capsules: np.ndarray) -> float:
+    """Return how low people (n, 7) come [m], at most 0: the floor they stand on.
+
+    Where a part is not seen it is grown, which is no reason for a lower floor; and who
+    is far below has only been put away.
+    """
+    low = np.minimum(capsules[:, 2], capsules[:, 5]) - np.minimum(
+        capsules[:, 6], _STANDS
+    )
+    return float(np.min(low[low > _PUT_AWAY], initial=0.0))
 
 
 def eye_on(

@@ -47,6 +47,9 @@ class Show:
             None; None: it cannot be dragged.
         layers: Layers that are shown once the map is there.
         still: (n, 3, 3) triangles of what stands around [m].
+        lowest: Returns of the robot's meshes how low robot and people come in the whole
+            run [m], where it is known: that low the floor is; None: it sinks as
+            they come lower.
     """
 
     source: Source
@@ -58,6 +61,7 @@ class Show:
     hand: Callable[[np.ndarray | None], None] | None = None
     layers: tuple[str, ...] = ()
     still: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    lowest: Callable[[list[Part]], float] | None = None
 
 
 class _Server(viser.ViserServer):
@@ -93,6 +97,8 @@ class Page:
             parts = solid_parts(show.robot)
             self.stage = Stage(self.server.scene, show.robot, parts)
             self.stage.stand(show.still)
+            if show.lowest is not None:
+                self.stage.sink(show.lowest(parts))
             self.panel = Panel(
                 self.server.gui,
                 source,

@@ -56,6 +56,17 @@ def robot_parts(
         return solid_parts(robot), f"the robot is drawn by its collision solids: {why}"
 
 
+def lowest_of_robot(robot: Robot, parts: list[Part], qs: np.ndarray) -> float:
+    """Return how low a robot of such meshes comes at qs (n, dof) [m], at most 0."""
+    lowest = 0.0
+    for q in qs:
+        frames = body_frames(robot, q)
+        for part in parts:
+            z = part.mesh.vertices @ frames[part.body, 2, :3]
+            lowest = min(lowest, np.min(z, initial=np.inf) + frames[part.body, 2, 3])
+    return float(lowest)
+
+
 def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
     """Return meshes with fewer faces in all, as they are if they have few.
 

@@ -19,6 +19,7 @@ from sim.loop.target_rows import TARGETS_EVERY
 from sim.record import RunRecord
 from sim.record.again import robot_of
 from sim.record.standing import shapes_of
+from sim.view.looks import lowest_of
 from sim.view.mailbox import Mailbox
 from sim.view.moment import (
     HOLDING,
@@ -29,10 +30,12 @@ from sim.view.moment import (
     Moment,
     state_of,
 )
+from sim.view.robot_shapes import Part, lowest_of_robot
 
 KEPT = 18_000  # moments of a live run: ten minutes at 30 a second
 KEPT_ROWS = 60_000  # its frames: ten minutes at 100 a second
 KEPT_EVENTS = 2_000
+_LOOKS = 100  # at so many frames of a recording the robot is looked at
 NO_ROWS = frozen(np.zeros((0, 5)), float)
 
 
@@ -120,6 +123,15 @@ class Recorded:
         )
         rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
         return rows, reasons
+
+    def lowest(self, parts: list[Part]) -> float:
+        """Return how low people and a robot of such meshes come [m], at most 0."""
+        arrays = self.record.arrays
+        rows = arrays["capsules"]
+        people = rows[..., : rows.shape[-2] - self._things, :].reshape(-1, 7)
+        step = max(1, len(arrays["q"]) // _LOOKS)
+        of_robot = lowest_of_robot(self.robot, parts, arrays["q"][::step])
+        return min(lowest_of(people), of_robot)
 
     def poll(self) -> bool:
         """Nothing comes."""

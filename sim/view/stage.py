@@ -9,6 +9,7 @@ from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import body_frames, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.animation import tool_line
+from sim.draw.style import person_colours
 from sim.draw.world import capsule_mesh
 from sim.loop.carried import ball_rows
 from sim.view import looks
@@ -20,7 +21,7 @@ from sim.view.blocked import (
     seen_points,
 )
 from sim.view.moment import NOBODY, Moment
-from sim.view.robot_shapes import Part
+from sim.view.robot_shapes import Part, lowest_of_robot
 
 # name of a layer: what it says, whether it is shown at first
 LAYERS = {
@@ -37,6 +38,8 @@ LAYERS = {
     "floor": ("Floor", True),
 }
 MOST_POINTS = 20_000
+_FLOOR_AT = 0.3, 0.0, -0.002  # the middle of the floor, as long as nothing is lower [m]
+_SINKS = 0.05  # what is so little below the floor does not stand on a lower one [m]
 SKY = 1.6  # light from all around, so that no side is black
 FEW_FACES = 1_000  # a mesh with fewer shows its edges
 EDGE_OPACITY = 0.1  # of all edges: thousands lie before the robot
@@ -73,6 +76,7 @@ class Stage:
         self._edges_at = -np.inf
         self._person: list = []
         self._sizes = np.zeros((0, 2))
+        self._floor = 0.0  # how low it is [m]
         self._things = 0  # from which capsule on they are no person's
         self._add_light()
         self._meshes: list = []
@@ -101,14 +105,20 @@ class Stage:
             plane_color=(248, 249, 250),
             plane_opacity=1.0,
             shadow_opacity=0.0,
-            position=(0.3, 0.0, -0.002),
+            position=_FLOOR_AT,
         )
+
+    def sink(self, lowest: float) -> None:
+        """Let the floor be as low as something is that stands or reaches there [m]."""
+        if lowest < self._floor - _SINKS:
+            self._floor = lowest
+            self._nodes["floor"].position = (*_FLOOR_AT[:2], lowest + _FLOOR_AT[2])
 
     def set_parts(self, parts: list[Part]) -> None:
         """Draw the robot of these meshes, in place of those before."""
         for mesh in self._meshes:
             mesh.remove()
-        self._meshes = []
+        self._meshes, self._parts = [], parts
         for body in sorted({part.body for part in parts} - set(self._bodies)):
             name = f"/robot/body_{body}"
             self._bodies[body] = self.scene.add_frame(name, show_axes=False)
@@ -132,6 +142,7 @@ class Stage:
         self._remove("still")
         if len(triangles) == 0:
             return
+        self.sink(float(triangles[..., 2].min()))
         self._nodes["still"] = self.scene.add_mesh_simple(
             "/still",
             triangles.reshape(-1, 3).astype(np.float32),
@@ -179,6 +190,7 @@ class Stage:
             balls = ball_rows(self.robot, moment.payload, moment.q)
             capsules = np.vstack([capsules if len(capsules) else NOBODY, balls])
         self._things = len(moment.capsules) - moment.things
+        self.sink(looks.lowest_of(moment.capsules[: max(self._things, 0)]))
         self._if_new("person", capsules, self._place_person)
         self._if_new("path", moment.path, self._path)
         self._if_new("before", moment.before, self._before)
@@ -206,6 +218,7 @@ class Stage:
         for body, node in self._bodies.items():
             node.position = frames[body, :3, 3]
             node.wxyz = looks.wxyz_of(frames[body, :3, :3])
+        self.sink(lowest_of_robot(self.robot, self._parts, q[None]))
 
     def _place_person(self, capsules: np.ndarray) -> None:
         axes = capsules[:, 3:6] - capsules[:, :3]
@@ -222,11 +235,12 @@ class Stage:
         for node in self._person:
             node.remove()
         self._sizes, self._person = sizes, []
+        people = person_colours(min(self._things, len(sizes)))
+        colours = [tuple(row) for row in np.round(255 * people).astype(int).tolist()]
+        colours += [looks.LOAD] * (len(sizes) - len(colours))
         for i, (length, radius) in enumerate(sizes):
             vertices, _, faces = capsule_mesh(length, radius, 8, 24)
-            colour = looks.SLEEVE if i % 2 == 0 else looks.SKIN
-            if i >= self._things:
-                colour = looks.LOAD
+            colour = colours[i]
             node = self.scene.add_mesh_simple(
                 f"/person/part_{i}",
                 vertices,

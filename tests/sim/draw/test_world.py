@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handover.human.body import JOINTS, BodySizes, Part, UpperBody
+from handover.human.human import Human
 from odm import Box
 from roadmap import load_robot, tool_pose
 from sim.draw.cover_world import CoverWorld
+from sim.draw.style import SKIN, SLEEVE, person_colours
 from sim.draw.surroundings import all_triangles
 from sim.draw.viewpoint import Camera
 from sim.draw.world import SimulatorMissing, World, capsule_mesh, with_normals
@@ -187,6 +190,44 @@ def test_both_worlds_draw_robot_and_person_where_the_camera_sees_them(
     assert not empty[row, column] and empty[0, 0]
     assert depth[row, column] == pytest.approx(far - HAND[0, 6], abs=0.02)
     assert colour.shape == (120, 160, 3) and colour.dtype == np.uint8
+
+
+@pytest.mark.parametrize("present", ["whole", "upper", "one arm", "neck", "shoulders"])
+def test_hands_forearms_and_head_of_whoever_is_tracked_are_skin(present):
+    arm = ("left_shoulder", "left_elbow", "left_hand")
+    labels = {
+        "whole": Human().labels,
+        "upper": UpperBody(JOINTS, BodySizes.sized()).labels,
+        "one arm": UpperBody(arm, BodySizes.sized()).labels,
+        "neck": UpperBody((*arm, "neck"), BodySizes.sized()).labels,
+        "shoulders": UpperBody((*arm, "right_shoulder"), BodySizes.sized()).labels,
+    }[present]
+    bare = [("HAND", "FOREARM", "HEAD"), ("TORSO", "UPPER_ARM", "LEG")]
+    for label, colour in zip(labels, person_colours(len(labels)), strict=True):
+        shown = bare[0] if tuple(colour) == SKIN else bare[1]
+        assert Part(label).name.endswith(shown), Part(label)
+
+
+def test_an_arm_has_a_sleeve_and_a_number_nobody_knows_one_colour():
+    assert person_colours(2).tolist() == [list(SLEEVE), list(SKIN)]
+    assert (person_colours(7) == SLEEVE).all() and person_colours(0).shape == (0, 3)
+
+
+@pytest.mark.parametrize("kind", ["pybullet", "cover"])
+def test_both_worlds_draw_a_hand_as_skin_and_the_upper_arm_as_clothes(
+    crane, crane_urdf, kind
+):
+    if kind == "pybullet":
+        pytest.importorskip("pybullet")
+    made = World(crane_urdf, crane) if kind == "pybullet" else CoverWorld(crane)
+    arm = np.array([HAND[0] + [0, 0, z, 0, 0, z, 0] for z in (0.0, 0.15, 0.3, 0.45)])
+    with made as world:
+        world.place(np.zeros(2), arm, things=1)  # hand, forearm, upper arm, an object
+        colour, _, _ = world.picture(CAMERA)
+    pixels, _ = CAMERA.project((arm[:, :3] + arm[:, 3:6]) / 2)
+    columns, rows = pixels.astype(int).T
+    red, green, blue = colour[rows, columns].astype(int).T
+    assert (red[:2] > blue[:2]).all() and blue[2] > red[2] and blue[3] < 0.6 * green[3]
 
 
 def at(place):

@@ -4,12 +4,15 @@ import asyncio
 import io
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
+from handover.human.human import Human
 from sim.record import read_record
+from sim.view import looks
 from sim.view.gate import listening
 from sim.view.robot_shapes import (
     Part,
@@ -111,6 +114,20 @@ def test_commands_of_a_flood_are_dropped_but_the_last(page):
             break
         time.sleep(0.05)
     assert page.playback.at == pytest.approx(0.9999)
+
+
+def test_the_floor_is_below_who_stands_lower_than_the_base(page):
+    stage, moment = page.stage, page.shown.source.at(1.0)
+    floor = stage.scene.get_handle_by_name("/floor")
+    before = floor.position[2]
+    person = Human().capsules() + [1, 0, -0.5, 1, 0, -0.5, 0]
+    stage.draw(replace(moment, capsules=person), 0.0)
+    lowest = np.minimum(person[:, 2], person[:, 5]) - person[:, 6]
+    assert floor.position[2] == pytest.approx(lowest.min(), abs=0.003) and before > -0.1
+    head = stage.scene.get_handle_by_name("/person/part_8")
+    assert tuple(head.color) == looks.SKIN
+    stage.draw(moment, 0.0)  # it does not rise again
+    assert floor.position[2] < -0.3
 
 
 def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):

@@ -10,6 +10,7 @@ from sim.loop.run_result import STATUS
 from sim.record import read_record
 from sim.view.mailbox import Mailbox
 from sim.view.moment import HOLDING, NEW_PATH, STILL, Event, Happenings, Moment
+from sim.view.robot_shapes import solid_parts
 from sim.view.sources import Letters, Recorded
 
 
@@ -27,6 +28,18 @@ def test_a_recording_shows_every_frame_as_it_was(found):
         np.testing.assert_array_equal(moment.capsules, record.arrays["capsules"][i])
         assert moment.separation == record.arrays["separation"][i]
     assert found.at(-1.0).time_s == 0.0 and found.at(1e9).time_s == 2.49
+
+
+def test_the_floor_is_where_the_lowest_stands_in_the_whole_run(found):
+    record = found.record
+    parts = solid_parts(found.robot)
+    assert found.lowest(parts) == pytest.approx(-0.05)  # the crane's own foot
+    rows = np.array(record.arrays["capsules"])
+    rows[100, 0] = [0.5, 0.0, -0.7, 0.5, 0.0, 0.0, 0.05]
+    rows[120, 1] = [0.5, 0.0, -0.6, 0.5, 0.0, 0.0, 0.6]  # not seen for long
+    rows[140, 1] = [0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 0.001]  # gone
+    low = Recorded(replace(record, arrays=record.arrays | {"capsules": rows}))
+    assert low.lowest(parts) == pytest.approx(-0.75)
 
 
 def test_its_path_is_where_the_robot_went_until_the_next_goal(found):
