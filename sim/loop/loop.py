@@ -301,9 +301,7 @@ class Loop:
     def _shapes_of(self, capsules: np.ndarray) -> Obstacles:
         """Return the person's capsules as the planner takes them."""
         if len(capsules) != len(self._shapes):
-            names = getattr(self.motion, "label_names", None)  # of a recording
-            labels = {"capsules": names} if names else None
-            self._shapes = Obstacles(capsules=len(capsules), labels=labels)
+            self._shapes = Obstacles(capsules=len(capsules))
         self._shapes.capsules = capsules
         return self._shapes
 

@@ -46,24 +46,6 @@ class _Still:
         )
 
 
-def test_the_planner_is_told_which_part_of_a_recorded_person_a_capsule_is(
-    crane, places, statue
-):
-    told = []
-
-    class Asked(_Still):
-        def step(self, points, q, **more):
-            told.append((points.name(0), points.capsules.shape))
-            return super().step(points, q)
-
-    names = tuple(f"part {k}" for k in range(len(statue.capsules(0.0))))
-    motion = SimpleNamespace(
-        name="clip", max_speed=1.0, capsules=statue.capsules, label_names=names
-    )
-    run_loop(Asked(), crane, places, motion, LoopSettings(duration_s=0.05))
-    assert set(told) == {("capsule 0 (part 0)", (len(names), 7))}
-
-
 def test_one_long_touch_is_one_contact_and_two_touches_are_two(
     straight, crane, places, statue
 ):
