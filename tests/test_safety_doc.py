@@ -62,7 +62,7 @@ def test_lines_are_short_but_for_tables_and_names():
         ("odm/close_test/_close.py", "ESCAPE_SLACK = 1e-3 "),
         ("odm/cell_map/cell_map.py", "ROUNDING = 1e-6 "),
         ("odm/planner/settings.py", "max_age_s: float = 0.1"),
-        ("odm/planner/settings.py", "max_range_m: float = 20.0"),
+        ("odm/obstacles/unit.py", "MAX_RANGE_M = 20.0 "),
         ("odm/planner/settings.py", "history_s: float = 0.25"),
         ("odm/frame/sensor_watch.py", "_LEAVES = 4.0 "),
         ("odm/cameras/settings.py", 'policy: str = "free"'),

@@ -5,7 +5,8 @@ from dataclasses import asdict
 import numpy as np
 
 from roadmap.errors import BadInput
-from sim.maintenance.cases import BESIDE_PANDA, ToolSetup, WorkPlace, placed
+from roadmap.geometry.gaps import moved_rods
+from sim.maintenance.cases import BESIDE_PANDA, ToolSetup, WorkPlace
 from sim.record.run_record import RunRecord
 from sim.story.machine import DIRECTIONS
 from sim.story.play import RATE, StoryMoment, StoryPlay
@@ -134,7 +135,9 @@ def _joined(parts: list[RunRecord], standing: list[np.ndarray]) -> RunRecord:
 
 def _standing(setup: ToolSetup) -> np.ndarray:
     """Return the tools in their places as capsules (k, 7), base frame [m]."""
-    return np.vstack([placed(tool, T) for tool, T in setup.others] or [_NOTHING])
+    return np.vstack(
+        [moved_rods(tool.capsules, T) for tool, T in setup.others] or [_NOTHING]
+    )
 
 
 def _is_shared(name: str) -> bool:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from roadmap.geometry.gaps import moved_rods
 from roadmap.kinematics.forward import body_frames, sphere_centers
-from sim.draw.silhouette import Silhouette, moved_capsules, robot_silhouette
+from sim.draw.silhouette import Silhouette, robot_silhouette
 
 ROD = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1]
 
@@ -48,5 +49,5 @@ def test_a_robots_outline_holds_its_cover(crane, plane):
 
 def test_moved_capsules_are_those_of_the_other_frame():
     T = np.array([[0.0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]])
-    moved = moved_capsules(T, np.array([ROD]))
+    moved = moved_rods(np.array([ROD]), T)
     np.testing.assert_allclose(moved, [[1, 0, 2, 1, 1, 2, 0.1]])

@@ -17,7 +17,7 @@ from handover import (
 )
 from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import capsule_gap
+from roadmap.geometry.gaps import capsule_gap, moved_rods
 from sim.maintenance import play as cycle_play
 from sim.maintenance import tell as cycle_tell
 from sim.maintenance.cases import (
@@ -26,7 +26,6 @@ from sim.maintenance.cases import (
     LadderCase,
     ToolSetup,
     case_in_reach,
-    placed,
     tools_of,
     upright,
     wrench_of,
@@ -75,7 +74,7 @@ def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
     assert 0.5 < feet < 0.6  # the step is at 0.56 m
     tools = [wrench_of(size) for size in SIZES]
     standing = [
-        placed(tool, upright(tool, xy))
+        moved_rods(tool.capsules, upright(tool, xy))
         for tool, xy in zip(tools, BESIDE_PANDA.places_xy, strict=True)
     ]
     for k, rows in enumerate(standing):
