@@ -29,6 +29,17 @@ def small_recipe(**safety: float) -> Recipe:
     )
 
 
+def planner_of(
+    folder: Path, urdf: str, tip: str, nodes: int = 150
+) -> odm.ReactivePlanner:
+    """Return a planner of the robot of a URDF's text, whose file is put in a folder."""
+    path = folder / "robot.urdf"
+    path.write_text(urdf)
+    robot = RobotRecipe(source=str(path), tip=tip, cover_excess=0.05)
+    recipe = Recipe("robot", robot, RoadmapSettings(nodes=nodes), Safety(h=0.08))
+    return odm.ReactivePlanner(odm.build_map(recipe, threads=1))
+
+
 def draw_valid(planner: odm.ReactivePlanner, rng: np.random.Generator) -> np.ndarray:
     """Draw a configuration that nothing standing still blocks."""
     robot = planner.robot

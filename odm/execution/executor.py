@@ -104,9 +104,8 @@ class Executor:
         self._lookout = Lookout(planner, period) if looks else None
         self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
-        self.timed_path = self._looked = (
-            False  # the second: whether this frame looked if somebody comes
-        )
+        # whether this frame timed a new path, and whether it looked if somebody comes
+        self.timed_path = self._looked = False
         self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`

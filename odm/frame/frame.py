@@ -24,6 +24,7 @@ from odm.obstacles._cloud import LAYOUT, SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
+from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.unit import largest_coordinates
 from odm.obstacles.world_frame import WorldFrame
@@ -146,6 +147,7 @@ class Frame:
         self.points = self._kept = self._views[0]
         self.classes: np.ndarray | None = None
         self.trouble: str | None = None
+        self._unfit: str | None = None  # what a cloud that came last says of itself
         self.loaded = 0  # how often a memory was loaded
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
@@ -166,7 +168,7 @@ class Frame:
 
     def checked(
         self,
-        points: np.ndarray,
+        points: np.ndarray | Obstacles | PointCloud,
         q: np.ndarray,
         dq: np.ndarray | None,
         labels: np.ndarray | None,
@@ -189,6 +191,9 @@ class Frame:
                     "by kind"
                 )
             classes = obstacles.classes
+        self._unfit = None
+        if type(points) is PointCloud:
+            self._unfit, points = points.trouble, points.points
         # mostly both are what the compiled frame took before, which is seen at once
         if (
             points is not self._taken
@@ -237,7 +242,7 @@ class Frame:
         Returns:
             What `respond` says, or NOT_ASKED (`odm/search/_step.py`).
         """
-        if stamp is not None or now is not None:
+        if stamp is not None or now is not None or self._unfit is not None:
             q = None
         plain = covering_radius is None and rounding is None
         told = _AS_THE_MAP if plain else (covering_radius, rounding)
@@ -330,7 +335,8 @@ class Frame:
                 return said
         else:
             kernels.begin_step(self.memory.table, points, buffer)
-        self.trouble = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
+        unfit = self.watch.unfit(self.memory.cloud.counts, self, stamp, now)
+        self.trouble = self._unfit or unfit
         return said
 
     def _take_others(self, n: int, points: np.ndarray) -> str | None:

@@ -41,7 +41,9 @@ class PathTest:
     ) -> int | None:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
-        path = short_ways(frame.robot, check_path(frame.robot, path))
+        path = check_path(frame.robot, path)
+        if frame.robot.continuous.any():
+            path = short_ways(frame.robot, path)
         if np.ndim(extra) > 0:
             raise BadInput("extra is an array; give metres, and points after it")
         if not isinstance(extra, Real | np.ndarray):

@@ -473,15 +473,11 @@ class ReactivePlanner:
         if said is not None:
             q = frame.q_taken
         else:
-            unfit = None
             if type(points) is PointCloud:
-                covering_radius, unfit = points.covering_radius, points.trouble
-                points = points.points
+                covering_radius = points.covering_radius
             points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
-            at_once = q if self.decision.begin() and unfit is None else None
+            at_once = q if self.decision.begin() else None
             said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
-            if unfit is not None:
-                frame.trouble = unfit
         if not closed:
             shapes = frame.obstacles is not None and frame.n_given == 0
             closed = shapes or labels is not None
@@ -532,14 +528,11 @@ class ReactivePlanner:
         Raises:
             BadInput: As `step` does.
         """
-        frame, radius, unfit = self.frame, None, None
+        frame, radius = self.frame, None
         if type(points) is PointCloud:
-            radius, unfit = points.covering_radius, points.trouble
-            points = points.points
+            radius = points.covering_radius
         points, q = frame.checked(points, q, None, None, radius, None)
         frame.take(points, radius, None, stamp, now)
-        if unfit is not None:
-            frame.trouble = unfit
         self.path.followed = False
         if frame.trouble is None:
             self.decision.see(q, now)

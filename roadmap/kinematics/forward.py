@@ -55,8 +55,6 @@ def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.nda
 
 def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
     """Return corners (k, dof), each by the shorter turn from the one before."""
-    if not robot.continuous.any():
-        return path
     with np.errstate(invalid="ignore"):  # after what is infinite nothing is known
         legs = difference(robot, path[:-1], path[1:])
         return np.concatenate([path[:1], path[0] + np.cumsum(legs, axis=0)])

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
+from small import planner_of
 
 import odm
-from odm.cell_map.recipe import Recipe, RobotRecipe
-from odm.close_test.safety import Safety
 from roadmap.errors import BadInput
-from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import short_ways
 from roadmap.motion.motion import time_path
 
@@ -27,11 +25,7 @@ BEFORE = odm.Obstacles(spheres=np.array([[0.35, 0.0, 0.2, 0.05]]))
 
 @pytest.fixture(scope="module")
 def planner(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bar") / "bar.urdf"
-    path.write_text(URDF)
-    robot = RobotRecipe(source=str(path), tip="bar", cover_excess=0.05)
-    recipe = Recipe("bar", robot, RoadmapSettings(nodes=40), Safety(h=0.08))
-    return odm.ReactivePlanner(odm.build_map(recipe, threads=1))
+    return planner_of(tmp_path_factory.mktemp("robot"), URDF, "bar", 40)
 
 
 def test_braking_looks_where_the_robot_turns(planner):

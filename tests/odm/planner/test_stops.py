@@ -2,11 +2,7 @@
 
 import numpy as np
 import pytest
-
-import odm
-from odm.cell_map.recipe import Recipe, RobotRecipe
-from odm.close_test.safety import Safety
-from roadmap.graph.connecting import RoadmapSettings
+from small import planner_of
 
 URDF = """<robot name="scara">
 <link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry>
@@ -27,11 +23,7 @@ URDF = """<robot name="scara">
 
 @pytest.fixture(scope="module")
 def planner(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scara") / "scara.urdf"
-    path.write_text(URDF)
-    robot = RobotRecipe(source=str(path), tip="fore", cover_excess=0.05)
-    recipe = Recipe("scara", robot, RoadmapSettings(nodes=150), Safety(h=0.08))
-    return odm.ReactivePlanner(odm.build_map(recipe, threads=1))
+    return planner_of(tmp_path_factory.mktemp("robot"), URDF, "fore")
 
 
 def test_no_node_lies_behind_the_stop_and_no_edge_leads_across(planner):
