@@ -10,7 +10,9 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import Executor
+from odm.execution.stop_test import stop_time
 from odm.execution.threat import ThreatSettings
+from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult, stretches
 from sim.people.human_motion import HumanMotion
@@ -169,7 +171,29 @@ def notes_of(request: RunRequest, loop: Loop, result: RunResult) -> list[str]:
         notes.append(ending)
     if isinstance(loop.executor, Executor):
         notes += touched_in(result, loop.executor.quick)
+        slow = loop.executor.brakes and not loop.executor.quick
+        if slow and result.capsules.shape[1]:
+            s = loop.settings
+            notes += slow_stop(loop.robot, s.speed_scale, 1.0 / s.rate_hz)
     return notes
+
+
+def slow_stop(robot: Robot, scale: float, period: float) -> list[str]:
+    """Return a sentence on a robot that is slow near people, as its stops take long.
+
+    Args:
+        robot: The robot.
+        scale: Share of the joints' speed limits that it uses.
+        period: Time between frames [s].
+    """
+    time = stop_time(robot, scale, period)
+    comes = ThreatSettings().strays(time, period)
+    return [
+        f"by its limits of acceleration and jerk a stop takes it {1e3 * time:.0f} ms, "
+        f"in which a person may come {100 * comes:.0f} cm: near people it is slow. "
+        "Where these limits are assumed (odm info), give its own in [robot] of its "
+        "recipe"
+    ]
 
 
 def touched_in(result: RunResult, quick: bool) -> list[str]:

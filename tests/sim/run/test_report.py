@@ -1,16 +1,20 @@
 """Tables and JSON say what happened."""
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from sim.loop.loop import LoopSettings, run_loop
+from odm.execution.stop_test import stop_time
+from sim.loop.loop import Loop, LoopSettings, run_frames, run_loop
 from sim.loop.run_result import Hold, RunResult, kind_of, percentiles
 from sim.run.report import print_report, setting, setting_line
-from sim.run.runner import touched_in
+from sim.run.request import RunRequest
+from sim.run.runner import notes_of, slow_stop, touched_in
 from sim.tables.header import processor
 
 SHORT = LoopSettings(duration_s=3.0, speed_scale=1.0)
@@ -153,3 +157,25 @@ def test_a_touch_on_the_way_is_told_with_what_the_person_did_more_than_assumed()
     (told,), (quick,) = touched_in(touched, False), touched_in(touched, True)
     assert "in 1 frame:" in told and "up to 15 m/s2; assumed are 4, and 80" in told
     assert "assumed are 4 (ThreatSettings)" in quick and "[robot]" not in quick
+
+
+def test_a_robot_that_takes_long_to_stop_says_how_far_a_person_comes_meanwhile(crane):
+    quick = replace(crane, max_acceleration=np.full(2, 1e3), max_jerk=np.full(2, 1e6))
+    ((told,), (less,)) = (slow_stop(robot, 0.5, 0.01) for robot in (crane, quick))
+    ms, cm = (float(re.search(rf"([0-9]+) {unit}\b", told)[1]) for unit in ("ms", "cm"))
+    assert ms == pytest.approx(1e3 * stop_time(crane, 0.5, 0.01), abs=0.5)
+    assert cm >= 100 * 0.5 * 4.0 * (1e-3 * ms) ** 2 - 0.5  # 4 m/s2, and more
+    assert "(odm info)" in told and "[robot]" in told
+    assert float(re.search(r"([0-9]+) cm", less)[1]) < cm
+
+
+@pytest.mark.parametrize("brakes", [True, False])
+def test_a_run_of_a_robot_slow_to_stop_says_so_where_it_brakes(
+    careful, crane, places, statue, brakes
+):
+    settings = LoopSettings(duration_s=0.05, execution="timed")
+    loop = Loop(careful, crane, places, statue, settings)
+    result = run_frames(loop)
+    loop.executor.brakes = brakes
+    notes = notes_of(RunRequest(map_dir=Path("any"), execution="timed"), loop, result)
+    assert any("near people it is slow" in note for note in notes) == brakes
