@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sim.cli.hand_command import app, place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
-from sim.terminal.checks import HEIGHT, PICTURE, Limits
+from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
 from sim.terminal.output import guarded, report
 from sim.terminal.progress import Bars
@@ -46,13 +46,15 @@ class MeetRequest:
     object_name: str = flag(
         "wrench", "What is handed.", "--object", metavar="wrench|mallet"
     )
-    k: int = flag(10, "Targets told.", "--k", min=1)
+    k: int = flag(10, "Targets told.", "--k", min=1, max=100_000)
     cell: float = flag(
         0.15,
         "Side of a position cell, m.",
         limits=Limits(0.005, 0.5, "m", hint="15 cm are 0.15"),
     )
-    rotations: int = flag(72, "Cells of rotation.")
+    rotations: int = flag(
+        72, "Cells of rotation: 72 (60 deg), 576 (30 deg)...", limits=ROTATIONS
+    )
     base_height: float | None = flag(
         None,
         "Of the robot's base above the floor, m; left: 0 for a robot whose "
