@@ -101,6 +101,8 @@ def _show_arm(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     table = Table(
         title=f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
         f"{facts['posture']}",
@@ -117,7 +119,7 @@ def _show_arm(facts: dict) -> None:
             *(f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best),
         )
     console = Console(highlight=False)
-    console.print(table)
+    console.print(Fitted(table))
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 

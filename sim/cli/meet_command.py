@@ -201,6 +201,8 @@ def _show_meet(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     console = Console(highlight=False)
     person = facts["human"]
     console.print(
@@ -220,7 +222,7 @@ def _show_meet(facts: dict) -> None:
             table.add_column(head, justify="right", no_wrap=True)
         for target in row["best"]:
             table.add_row(*_target_row(target))
-        console.print(table)
+        console.print(Fitted(table))
         console.print(_EXPLAINED)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)

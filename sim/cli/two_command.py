@@ -157,6 +157,7 @@ def show(figures: dict, maps: tuple) -> None:
     from rich.table import Table
 
     from sim.run.report import setting_line
+    from sim.tables.fitted import Fitted
 
     table = Table(title="Two robots, by the exact audit of every frame")
     table.title_justify = "left"
@@ -184,7 +185,7 @@ def show(figures: dict, maps: tuple) -> None:
     for row in rows:
         table.add_row(*row)
     console = Console()
-    console.print(table)
+    console.print(Fitted(table))
     for k, reasons in enumerate(figures["hold_reasons"]):
         for reason, frames in reasons:
             seconds = frames / figures["rate_hz"]
