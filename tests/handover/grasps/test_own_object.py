@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from handover import load_object
 from handover.grasps.own_object import held_mesh, rods_around
 from roadmap import load_robot
 from roadmap.errors import BadInput
@@ -40,6 +41,13 @@ def test_a_mesh_is_held_by_its_end_and_points_out_of_the_hand(robot, bottle):
     assert -0.13 < ends.min() < -0.0975 and 0.0975 < ends.max() < 0.13
     places = obj.hand_grasps[:, 0, 3]  # a person takes it before the fingers
     assert (places > 0.0).all() and (places < 0.0975).all()
+
+
+def test_an_object_that_was_read_is_held_as_its_file(robot, bottle):
+    read = load_object(bottle, 0.2)
+    bottle.unlink()
+    obj = held(robot, read)
+    assert obj.name == "bottle" and obj.mass_kg == 0.2
 
 
 def test_rods_hold_all_of_a_mesh_and_little_more():
