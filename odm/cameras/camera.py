@@ -9,6 +9,7 @@ from roadmap.errors import BadInput
 from roadmap.transforms import check_pose
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
+MOST_PIXELS = 16384  # a side
 LEAST_DEPTH = 0.03  # [m] no camera reads less
 STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
 
@@ -23,7 +24,8 @@ class DepthCamera:
 
     Attributes:
         width, height: Of the image in pixels.
-        fx, fy, cx, cy: Focal lengths and principal point in pixels.
+        fx, fy, cx, cy: Focal lengths and principal point in pixels; that of a cropped
+            image may lie outside of it.
         T_base_camera: (4, 4) pose of the camera in the robot's base frame [m].
         scale: Depth of one unit of a pixel [m]: 0.001 where pixels are millimetres.
         name: Of the camera in messages.
@@ -43,10 +45,10 @@ class DepthCamera:
         """Check everything once."""
         for key in ("width", "height"):
             value = getattr(self, key)
-            if int(value) != value or not 8 <= value <= 16384:
+            if int(value) != value or not 8 <= value <= MOST_PIXELS:
                 raise BadInput(
                     f"{key} {value} of {self.name} must be a whole number of pixels "
-                    "from 8 to 16384; take the size of its images"
+                    f"from 8 to {MOST_PIXELS}; take the size of its images"
                 )
             object.__setattr__(self, key, int(value))
         for key in ("fx", "fy", "scale"):
@@ -57,13 +59,13 @@ class DepthCamera:
                     "camera's calibration"
                 )
             object.__setattr__(self, key, value)
-        for key, size in (("cx", self.width), ("cy", self.height)):
+        for key, cut in (("cx", "columns"), ("cy", "rows")):
             value = float(getattr(self, key))
-            if not 0.0 <= value <= size:
+            if not abs(value) <= MOST_PIXELS:
                 raise BadInput(
-                    f"{key} {value} of {self.name} lies outside its image of "
-                    f"{self.width} x {self.height} pixels; take it from the "
-                    "calibration for images of this size"
+                    f"{key} {value} of {self.name} must be a number of pixels from "
+                    f"{-MOST_PIXELS} to {MOST_PIXELS}; take it from the calibration, "
+                    f"less the {cut} that were cut off before the image"
                 )
             object.__setattr__(self, key, value)
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")

@@ -24,7 +24,7 @@ Six = tuple[float, float, float, float, float, float]
 _FX, _CX, _CY, _SCALE = 476.007, 313.683, 242.755, 0.000125
 _SIZE = (640, 480)
 _POINT = (PLACE, PLACE, PLACE)
-_CENTRE = Limits(-1e6, 1e6, "pixels")
+_CENTRE = Limits(-LARGEST, LARGEST, "pixels")
 
 
 @dataclass(frozen=True)
