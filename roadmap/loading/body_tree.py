@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot
 from roadmap.kinematics.joint_tree import FIXED, PRISMATIC, REVOLUTE
+from roadmap.loading.sizes import check_travel_limits
 from roadmap.ranges import is_between
 from roadmap.robot.description import MOVABLE, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
@@ -157,6 +158,7 @@ def _limits(joint: Joint) -> tuple[float, float]:
         raise BadRobot(
             f"joint {joint.name!r} has lower {lower} above upper {upper}; swap them"
         )
+    check_travel_limits(joint, lower, upper)
     return float(lower), float(upper)
 
 

@@ -80,13 +80,11 @@ def tell_story(
     Returns:
         Plain data: what came of it, times, figures, files.
     """
-    quiet = request.json == "-"
-    say: Callable[[str], None] = (lambda text: None) if quiet else print
-    who = live.person if live else person
+    say: Callable[[str], None] = (lambda _: None) if request.json == "-" else print
     with Bars("placing robot, object and person"):
         setup = _setup_of(request, cell_map, reach, thing)
         wrist, note = wrist_of(setup)
-        run = _run_of(request, setup, wrist, who)
+        run = _run_of(request, setup, wrist, live.person if live else person)
     say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 

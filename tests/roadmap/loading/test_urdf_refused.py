@@ -170,6 +170,23 @@ def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):
     refuses(urdf(body), "itself a follower")
 
 
+@pytest.mark.parametrize("axis", ["0 1", "0 0 1 0", ""])
+def test_an_axis_of_other_than_three_numbers_is_refused(urdf, link, joint, axis):
+    body = link("base", BALL) + link("arm", BALL)
+    file = urdf(body + joint("turn", "revolute", "base", "arm", axis=axis))
+    refuses(file, f'<axis xyz="{axis}"> of .*, line 1, holds .* numbers; give three')
+
+
+def test_a_scale_of_two_or_four_numbers_is_refused(arm):
+    refuses(arm(mesh("part.obj", 'scale="1 1 1 1"')), "holds 4 numbers; give three")
+
+
+def test_a_place_turned_by_degrees_is_refused(urdf, link, joint):
+    body = link("base", BALL) + link("arm", BALL, rpy="0 90 0")
+    file = urdf(body + joint("turn", "revolute", "base", "arm"))
+    refuses(file, '<origin rpy="0 90 0"> of .* looks like degrees; give radians')
+
+
 def test_a_zero_axis_is_refused(urdf, link, joint):
     body = link("base") + link("a", BALL)
     refuses(urdf(body + joint("j", "revolute", "base", "a", axis="0 0 0")), "axis")
