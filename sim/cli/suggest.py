@@ -255,8 +255,8 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     table.title_style, table.pad_edge = "bold", False
-    heads = ("cell", "nodes", "edges", "per edge", "map", "build")
-    for head in (*heads, "overhead", "overhead, close", "crossing", "clutter"):
+    heads = ("cell", "nodes", "edges", "per\nedge", "map", "build")
+    for head in (*heads, "overhead", "overhead,\nclose", "crossing", "clutter"):
         table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(

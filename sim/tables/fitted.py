@@ -54,7 +54,7 @@ def _rows(table: Table) -> Iterator[RenderableType]:
             continue
         yield first
         for head, cell in zip(heads[1:], others, strict=True):
-            name = f"{head.plain}: " if head.plain else ""
+            name = f"{' '.join(head.plain.split())}: " if head.plain else ""
             if cell.plain:
                 yield Text.assemble("  ", name, cell)
 

@@ -20,7 +20,7 @@ def told(table, width):
 def table():
     table = Table(title="Joints", title_justify="left")
     table.add_column("joint", no_wrap=True)
-    for head in ("lower", "upper", "velocity \\[rad/s]"):
+    for head in ("lower", "upper", "velocity\n\\[rad/s]"):
         table.add_column(head, justify="right")
     table.add_row("shoulder_pan", "-3.1416", "", "2.175")
     return table
