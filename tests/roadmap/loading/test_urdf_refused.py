@@ -84,6 +84,14 @@ def test_an_unknown_tip_lists_the_links(arm):
     refuses(arm(BALL), "no link 'hand'.*'base', 'arm'", tip="hand")
 
 
+def test_of_many_links_those_of_similar_names_are_listed(urdf, link, joint):
+    names = ["base", *(f"part_{k}" for k in range(30)), "Arm_Tool_Link"]
+    body = "".join(link(name) for name in names)
+    body += "".join(joint(b, "fixed", a, b) for a, b in pairwise(names))
+    told = "did you mean Arm_Tool_Link. choose one of the 32 links of its URDF$"
+    refuses(urdf(body), told, tip="tool_link")
+
+
 def test_an_unclear_tip_lists_the_candidates(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL)
     body += joint("j", "revolute", "base", "a") + joint("k", "revolute", "base", "b")
@@ -102,6 +110,17 @@ def test_an_unclear_tip_names_the_hand_of_fingers_first(urdf, link, joint):
     ):
         fingers = [joint(f"to_{name}", kind, "hand", name) for name in "fg"]
         refuses(urdf("".join(arm + fingers)), f"tip .--tip.: {told}")
+
+
+def test_the_trunk_of_two_arms_is_no_hand(urdf, link, joint):
+    chains = [["base", "t1", "t2", "t3"]]
+    chains += [["t3", *(f"{side}{k}" for k in range(5))] for side in "lr"]
+    names = dict.fromkeys(name for chain in chains for name in chain)
+    body = "".join(link(name, BALL) for name in names)
+    for chain in chains:
+        for a, b in pairwise(chain):
+            body += joint(f"to_{b}", "revolute", a, b)
+    refuses(urdf(body), "tip .--tip.: l4, r4, or any other")
 
 
 def test_locking_what_cannot_be_locked_is_refused(arm, gantry, urdf, link, joint):
