@@ -183,7 +183,7 @@ def _check_size(name: str, size: float) -> None:
     if SMALLEST <= size <= LARGEST:
         return
     scale, unit = (0.01, "centi") if size <= 100.0 * LARGEST else (0.001, "milli")
-    hint = f"if it is drawn in {unit}metres, give scale={scale:g}"
+    hint = f"if it is drawn in {unit}metres, give a scale of {scale:g}"
     if size < SMALLEST:
         hint = "give all lengths in metres"
     raise BadInput(

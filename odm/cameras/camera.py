@@ -196,7 +196,7 @@ def look_at(
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
         raise BadInput(
             f"a camera at {eye} cannot look at {target} with {np.asarray(up)} up; "
-            "move one of them"
+            "move one of them, or give another direction `up`"
         )
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
     pose = np.eye(4)

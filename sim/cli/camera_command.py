@@ -42,7 +42,7 @@ class CameraRequest:
     )
     at: Three = flag(
         (0.65, 0.0, 0.5),
-        "What it looks at, base frame, m.",
+        "What it looks at, base frame, m; up in the image is z, straight below x.",
         metavar="X Y Z",
         panel=_CAMERA,
         limits=_POINT,
@@ -231,7 +231,8 @@ def _pose(eye: Three, at: Three, pose: Six | None) -> "np.ndarray":
     from roadmap.transforms import pose_of
 
     if pose is None:
-        return look_at(eye, at)
+        straight = eye[:2] == at[:2]  # down from a ceiling, or up
+        return look_at(eye, at, (1.0, 0.0, 0.0) if straight else (0.0, 0.0, 1.0))
     return pose_of(pose[:3], np.radians(pose[3:]))
 
 

@@ -23,8 +23,6 @@ _REMEDIES = (  # of Python, and of the command line
     (r"in PlannerSettings\(finger_pads=\.\.\.\)$", "with --pads LINK"),
     (r"pass package_dirs=\[\.\.\.\] or set (?=ROS_PACKAGE_PATH)", "set "),
     (r"check its pose T_base_camera$", "check --eye, or --pose"),
-    (r"give scale=(\S+)$", r"give --scale \1"),
-    (r"leave mass and scale out", "leave --mass and --scale out"),
     (r"choose a larger cover_excess$", "give the recipe a larger cover_excess"),
 )
 FINDING, MISTAKE = 1, 2  # exit codes: something was found; it could not be done

@@ -270,3 +270,10 @@ def test_scenes_of_our_own_have_every_pair_of_agents():
     pairs = {(s.giver.agent.name, s.receiver.agent.name) for s in scenes}
     givers, receivers = ("crichton", "panda"), ("drchubo", "person")
     assert pairs == {(g, r) for g in givers for r in receivers}
+
+
+def test_a_joint_of_a_similar_name_is_meant(tmp_path):
+    text = TEA.replace('agent = "drchubo"\nposture = "standing"', 'agent = "person"')
+    text += "[receiver.joints]\nright_elbow = 0.3\n"
+    with pytest.raises(BadInput, match="did you mean right_elbow_flexion"):
+        handover.load_scene(written(tmp_path, text))

@@ -61,7 +61,6 @@ def test_a_standard_output_without_room_is_one_sentence(capfd):
         ("; pass package_dirs=[...] or set ROS_PACKAGE_PATH to", "; set ROS_PACKAGE"),
         ("; check its pose T_base_camera", "; check --eye, or --pose"),
         ("simplify it or choose a larger cover_excess", "give the recipe a larger"),
-        ("if it is drawn in millimetres, give scale=0.001", "give --scale 0.001"),
         ("nodes is 1; change it in the recipe", "; change it in the recipe"),
     ],
 )
