@@ -6,10 +6,12 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
 from roadmap.transforms import check_pose
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
+MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
 STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
 
@@ -45,29 +47,29 @@ class DepthCamera:
         """Check everything once."""
         for key in ("width", "height"):
             value = getattr(self, key)
-            if int(value) != value or not 8 <= value <= MOST_PIXELS:
+            if not (is_between(value, 8, MOST_PIXELS) and int(value) == value):
                 raise BadInput(
                     f"{key} {value} of {self.name} must be a whole number of pixels "
                     f"from 8 to {MOST_PIXELS}; take the size of its images"
                 )
             object.__setattr__(self, key, int(value))
         for key in ("fx", "fy", "scale"):
-            value = float(getattr(self, key))
-            if not (np.isfinite(value) and value > 0.0):
+            value = getattr(self, key)
+            if not (is_between(value, 0.0, MOST_NUMBER) and value > 0.0):
                 raise BadInput(
                     f"{key} {value} of {self.name} must be above 0; take it from the "
                     "camera's calibration"
                 )
-            object.__setattr__(self, key, value)
+            object.__setattr__(self, key, float(value))
         for key, cut in (("cx", "columns"), ("cy", "rows")):
-            value = float(getattr(self, key))
-            if not abs(value) <= MOST_PIXELS:
+            value = getattr(self, key)
+            if not is_between(value, -MOST_PIXELS, MOST_PIXELS):
                 raise BadInput(
                     f"{key} {value} of {self.name} must be a number of pixels from "
                     f"{-MOST_PIXELS} to {MOST_PIXELS}; take it from the calibration, "
                     f"less the {cut} that were cut off before the image"
                 )
-            object.__setattr__(self, key, value)
+            object.__setattr__(self, key, float(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
 
@@ -190,12 +192,12 @@ def look_at(
     Raises:
         BadInput: Eye and target are the same, or the camera looks along `up`.
     """
-    eye, target = np.asarray(eye, float), np.asarray(target, float)
+    eye, target, up = _vector(eye, "eye"), _vector(target, "target"), _vector(up, "up")
     z = target - eye
-    x = np.cross(z, np.asarray(up, float))
+    x = np.cross(z, up)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
         raise BadInput(
-            f"a camera at {eye} cannot look at {target} with {np.asarray(up)} up; "
+            f"a camera at {eye} cannot look at {target} with {up} up; "
             "move one of them, or give another direction `up`"
         )
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
@@ -203,3 +205,13 @@ def look_at(
     pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     pose[:3, 3] = eye
     return pose
+
+
+def _vector(value: object, name: str) -> np.ndarray:
+    try:
+        row = np.asarray(value, float)
+    except (TypeError, ValueError):
+        row = np.zeros(0)
+    if row.shape != (3,):
+        raise BadInput(f"{name} is {value!r}; give three numbers, base frame")
+    return row
