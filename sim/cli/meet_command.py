@@ -24,6 +24,15 @@ class MeetRequest:
     """What `odm workspace meet` is asked for."""
 
     robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
+    tip: str | None = flag(
+        None, "Link of the tool, as of its reach map.", metavar="LINK"
+    )
+    lock: list[str] | None = flag(
+        None,
+        "Make a joint rigid, as in its reach map, at a value in rad or m; may be "
+        "repeated.",
+        metavar="JOINT=VALUE",
+    )
     human: float = flag(
         1.75, "Body height of the person in m, 1.2 to 2.2.", "--height", limits=HEIGHT
     )
@@ -173,10 +182,13 @@ def _loaded(
     """Return the robot, its reach map, and that of a person's arm or None."""
     from handover import load_reach_map
     from roadmap import load_robot
+    from sim.cli.build_command import parse_locked
 
     name, human_map = request.robot, request.human_map
+    locked = parse_locked(request.lock)
     tell("robot", 0, 1)
-    robot = load_robot(name, cover_excess=0.1)  # the cover is not used here
+    # the cover is not used here
+    robot = load_robot(name, tip=request.tip, locked=locked, cover_excess=0.1)
     tell("robot", 1, 1)
     folder = request.map_dir or REACH_MAPS / Path(name).stem
     reach = load_reach_map(folder, robot=robot)
