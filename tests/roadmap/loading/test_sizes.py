@@ -99,6 +99,14 @@ def test_limits_of_no_joint_are_refused(urdf, link, joint, kind, limits, words):
     assert "'turn'" in text and all(word in text for word in words), text
 
 
+def test_limits_of_a_joint_that_is_not_planned_for_may_be_any(urdf, link, joint):
+    wheel = '<limit lower="-1e16" upper="1e16" velocity="1"/>'
+    body = link("base", BALL) + link("arm", BALL) + link("wheel", BALL)
+    body += joint("turn", "revolute", "base", "arm")
+    body += joint("roll", "revolute", "base", "wheel", inside=wheel)
+    assert load_robot(urdf(body), tip="arm", **COARSE).joint_names == ("turn",)
+
+
 def test_a_shape_far_off_its_link_is_refused(urdf, link, joint, tmp_path):
     turn = joint("turn", "revolute", "base", "arm")
     text = told(urdf(link("base", BALL) + link("arm", BALL, "1e6 0 0") + turn))
