@@ -183,9 +183,9 @@ def _check_size(name: str, size: float) -> None:
     if SMALLEST <= size <= LARGEST:
         return
     scale, unit = (0.01, "centi") if size <= 100.0 * LARGEST else (0.001, "milli")
-    hint = f"if it is drawn in {unit}metres, give scale={scale:g}"
+    hint = f"if it is drawn in {unit}metres, give a scale of {scale:g}"
     if size < SMALLEST:
-        hint = "give all lengths in metres"
+        hint = "give all lengths in metres, with a scale that makes them so"
     raise BadInput(
         f"{name} is {size:.4g} m long, but hands pass on things of {SMALLEST:g} to "
         f"{LARGEST:g} m; {hint}"

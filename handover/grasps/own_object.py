@@ -32,7 +32,7 @@ _OUT_OF_HAND = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def held_mesh(
-    source: str | Path,
+    source: str | Path | GraspObject,
     robot: Robot,
     urdf: str,
     tip: str,
@@ -47,19 +47,22 @@ def held_mesh(
     the fingers, near the tool's axis.
 
     Args:
-        source: A closed mesh (STL, OBJ, ...), or one of `handover.object_names()`.
+        source: A closed mesh (STL, OBJ, ...), one of `handover.object_names()`, or what
+            `load_object` made of it.
         robot: The robot.
         urdf: Its known name, or its URDF.
         tip: Link of its tool.
         pads: Links that touch an object.
-        mass_kg: Mass of a mesh [kg]; None: 500 kg/m3 times its volume.
-        scale: What turns the mesh's unit into metres.
+        mass_kg: Mass of a mesh file [kg]; None: 500 kg/m3 times its volume.
+        scale: What turns the mesh file's unit into metres.
 
     Raises:
         BadInput: A mesh that is open, or too large or small for hands; one that the
             gripper cannot hold, or that leaves no room for a person's hand.
     """
-    thing = load_object(source, mass_kg, scale)
+    thing = source
+    if not isinstance(thing, GraspObject):
+        thing = load_object(thing, mass_kg, scale)
     grasps, hand, T_tool_palm = _grasps_of(thing, robot, urdf, tip, pads)
     corners = np.concatenate(thing.triangles())
     best, most = None, -np.inf

@@ -3,6 +3,7 @@
 Read from its URDF alone, without sphere cover: what scenes are drawn and checked with.
 """
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -51,10 +52,13 @@ class AgentBody:
         """
         for name, value in joints.items():
             if name not in self.joints:
-                raise BadInput(
-                    f"{whose} has no joint {name!r} that can be set; its joints are "
-                    f"{', '.join(self.joints)}"
+                near = difflib.get_close_matches(name, self.joints, 3)
+                told = (
+                    f"did you mean {', '.join(near)}?"
+                    if near
+                    else (f"its joints are {', '.join(self.joints)}")
                 )
+                raise BadInput(f"{whose} has no joint {name!r} that can be set; {told}")
             low, high = self.limits[name]
             if not low - 1e-3 <= value <= high + 1e-3:
                 raise BadInput(

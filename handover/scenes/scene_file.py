@@ -14,6 +14,8 @@ from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.scenery import shapes_of_tables
 from roadmap.errors import BadInput
 from roadmap.ranges import check_rpy, is_between
+from roadmap.robot.description import read_description
+from roadmap.robot.known import robot_file
 from roadmap.transforms import pose_of
 
 _PARTS = {"giver", "receiver", "object", "start", "goal"}
@@ -134,12 +136,26 @@ def _own(table: dict, what: str, path: Path) -> Agent:
         if isinstance(hand, dict):
             hand = _hand(hand, str(urdf), named, path)
         arms[side] = AgentArm(side, str(urdf), hand, str(entry["tip"]))
+        _check_hand(arms[side], named, path)
     if not arms:
         raise BadInput(
             f"{path}: {what} has a urdf and no arm; give [{what.strip('[]')}.arms."
             'right] with tip = "LINK" and hand = "NAME"'
         )
     return Agent(urdf.stem, arms, {"fixed": Posture()})
+
+
+def _check_hand(arm: AgentArm, whose: str, path: Path) -> None:
+    """Refuse a hand of whose joints the URDF has none."""
+    spec, file = arm.spec, robot_file(arm.robot)
+    joints = read_description(file).joints
+    missing = [n for finger in spec.fingers for n in finger if n not in joints]
+    if missing:
+        raise BadInput(
+            f"{path}: {whose} has the hand {spec.name!r}, but {file.name} has no joint "
+            f"{missing[0]!r}, which moves that hand; give the hand of the URDF as a "
+            "table, see docs/plans.md"
+        )
 
 
 def _hand(table: dict, urdf: str, whose: str, path: Path) -> HandSpec:

@@ -45,7 +45,7 @@ def check_start(scene: Scene) -> None:
         raise BadInput(
             f"the start of {scene.name} (seed {scene.seed}) is in collision: {one} "
             f"meets {other}; move one of them by more than their overlap, or give the "
-            "agent another posture"
+            "agent another posture, or joints, as in [giver.joints]"
         )
 
 

@@ -6,9 +6,12 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
 from roadmap.transforms import check_pose
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
+MOST_PIXELS = 16384  # a side
+MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
 STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
 
@@ -23,7 +26,8 @@ class DepthCamera:
 
     Attributes:
         width, height: Of the image in pixels.
-        fx, fy, cx, cy: Focal lengths and principal point in pixels.
+        fx, fy, cx, cy: Focal lengths and principal point in pixels; that of a cropped
+            image may lie outside of it.
         T_base_camera: (4, 4) pose of the camera in the robot's base frame [m].
         scale: Depth of one unit of a pixel [m]: 0.001 where pixels are millimetres.
         name: Of the camera in messages.
@@ -43,29 +47,29 @@ class DepthCamera:
         """Check everything once."""
         for key in ("width", "height"):
             value = getattr(self, key)
-            if int(value) != value or not 8 <= value <= 16384:
+            if not (is_between(value, 8, MOST_PIXELS) and int(value) == value):
                 raise BadInput(
                     f"{key} {value} of {self.name} must be a whole number of pixels "
-                    "from 8 to 16384; take the size of its images"
+                    f"from 8 to {MOST_PIXELS}; take the size of its images"
                 )
             object.__setattr__(self, key, int(value))
         for key in ("fx", "fy", "scale"):
-            value = float(getattr(self, key))
-            if not (np.isfinite(value) and value > 0.0):
+            value = getattr(self, key)
+            if not (is_between(value, 0.0, MOST_NUMBER) and value > 0.0):
                 raise BadInput(
                     f"{key} {value} of {self.name} must be above 0; take it from the "
                     "camera's calibration"
                 )
-            object.__setattr__(self, key, value)
-        for key, size in (("cx", self.width), ("cy", self.height)):
-            value = float(getattr(self, key))
-            if not 0.0 <= value <= size:
+            object.__setattr__(self, key, float(value))
+        for key, cut in (("cx", "columns"), ("cy", "rows")):
+            value = getattr(self, key)
+            if not is_between(value, -MOST_PIXELS, MOST_PIXELS):
                 raise BadInput(
-                    f"{key} {value} of {self.name} lies outside its image of "
-                    f"{self.width} x {self.height} pixels; take it from the "
-                    "calibration for images of this size"
+                    f"{key} {value} of {self.name} must be a number of pixels from "
+                    f"{-MOST_PIXELS} to {MOST_PIXELS}; take it from the calibration, "
+                    f"less the {cut} that were cut off before the image"
                 )
-            object.__setattr__(self, key, value)
+            object.__setattr__(self, key, float(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
 
@@ -188,16 +192,26 @@ def look_at(
     Raises:
         BadInput: Eye and target are the same, or the camera looks along `up`.
     """
-    eye, target = np.asarray(eye, float), np.asarray(target, float)
+    eye, target, up = _vector(eye, "eye"), _vector(target, "target"), _vector(up, "up")
     z = target - eye
-    x = np.cross(z, np.asarray(up, float))
+    x = np.cross(z, up)
     if not (np.linalg.norm(z) > 1e-9 and np.linalg.norm(x) > 1e-9):
         raise BadInput(
-            f"a camera at {eye} cannot look at {target} with {np.asarray(up)} up; "
-            "move one of them"
+            f"a camera at {eye} cannot look at {target} with {up} up; "
+            "move one of them, or give another direction `up`"
         )
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
     pose[:3, 3] = eye
     return pose
+
+
+def _vector(value: object, name: str) -> np.ndarray:
+    try:
+        row = np.asarray(value, float)
+    except (TypeError, ValueError):
+        row = np.zeros(0)
+    if row.shape != (3,):
+        raise BadInput(f"{name} is {value!r}; give three numbers, base frame")
+    return row

@@ -14,6 +14,7 @@ from odm.cell_map.payload import largest_robot
 from odm.obstacles.grid import bounding_ball
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kinematics
+from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 
 _MOST_PAYLOAD = 64
@@ -206,6 +207,8 @@ def views(
     """
     if not cameras:
         raise BadInput("no camera was given; give at least one DepthCamera")
+    for camera in cameras:
+        check_kind("a camera", camera, DepthCamera, "give DepthCamera objects")
     robot, found = cell_map.robot, []
     base = robot.sphere_body == 0
     centers = robot.spheres[base, :3]

@@ -174,7 +174,7 @@ def _check_view(
         raise BadInput(
             f"no cell of the map is in view of {camera.name} at "
             f"{np.round(camera.T_base_camera[:3, 3], 3)} m; check its pose (z is "
-            "forward, y down)"
+            "forward, y down), and cx and cy"
         )
     corners = np.indices((2, 2, 2)).reshape(3, -1).T * (grid.upper - grid.origin)
     depth = ((corners + grid.origin) @ pose[6:9] + pose[11]).max()

@@ -12,6 +12,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import motion_per_point, sphere_centers
+from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 from roadmap.transforms import check_pose
 
@@ -30,6 +31,8 @@ class RobotSpheres:
 
     def __init__(self, robot: Robot) -> None:
         """Take the spheres of the links that joints move."""
+        remedy = "give what load_robot returns, or the robot of a map"
+        check_kind("robot", robot, Robot, remedy)
         self.robot, self._chosen = robot, np.flatnonzero(robot.moving)
         self.radii = frozen(robot.spheres[self._chosen, 3], np.float64)
         reach = np.asarray(robot.sphere_reach)[self._chosen]

@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot
 from roadmap.kinematics.joint_tree import FIXED, PRISMATIC, REVOLUTE
+from roadmap.loading.sizes import check_travel_limits
 from roadmap.ranges import is_between
 from roadmap.robot.description import MOVABLE, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
@@ -61,11 +62,17 @@ def build_tree(
     _check_locked(description, drives, locked)
     limits = {name: _limits(description.joints[name]) for name, _, _ in drives.values()}
     moving = _moving(description, tip, drives, locked, limits)
+    for name in moving:
+        check_travel_limits(description.joints[name], *limits[name])
     values = standing_values(description, moving, locked)
     if not moving:
+        still = [n for n, (low, high) in limits.items() if low == high]
+        still = [n for n in still if n in {j.name for j in description.path(tip)}]
+        hint = f", or give {still[0]!r} a <limit> that is a range" if still else ""
         raise BadRobot(
             f"no joint moves between {description.root!r} and the tip {tip!r}; choose "
             "a tip behind a revolute, continuous or prismatic joint, or lock fewer"
+            f"{hint}"
         )
     tree = _tree(description, drives, moving, limits, values)
     _take_limits(tree.limits, moving, drives, given or {})

@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot
 from roadmap.geometry.solids import Solid
-from roadmap.robot.description import Description, Link, Shape
+from roadmap.robot.description import Description, Joint, Link, Shape
 from roadmap.robot.robot import BOX, CYLINDER, HULL
 
 # The longest links are rails and booms of some 20 m; a hand's breadth drawn in
@@ -19,6 +19,10 @@ LARGEST_UNSCALED = 5.0
 SMALLEST_MESH = 1e-3  # [m] no part of a robot: metres that were scaled, too
 SMALLEST_ROBOT = 1e-2  # [m] its largest part
 FARTHEST_JOINT = 100.0  # [m] from the joint before
+FARTHEST_SHAPE = 30.0  # [m] from its link's frame
+# No cable allows more than a dozen turns; many programs write 1e4 for "endless" [rad].
+LARGEST_TURN = 100.0
+LARGEST_SLIDE = 100.0  # [m]
 
 
 def check_sizes(
@@ -37,6 +41,7 @@ def check_sizes(
     shapes = [(link, s) for link in owners for s in link.collisions or link.visuals]
     for (link, shape), solid in zip(shapes, solids, strict=True):
         _check_solid(link, shape, extent(solid))
+        _check_place(link, shape, solid)
     largest = max(map(extent, solids), default=1.0)
     if largest < SMALLEST_ROBOT:
         raise BadRobot(
@@ -53,6 +58,28 @@ def check_sizes(
             )
 
 
+def check_travel_limits(joint: Joint, lower: float, upper: float) -> None:
+    """Refuse limits that no joint has [rad or m].
+
+    Raises:
+        BadRobot: They are too far; names joint, value and limit.
+    """
+    slides = joint.kind == "prismatic"
+    most, unit = (LARGEST_SLIDE, "m") if slides else (LARGEST_TURN, "rad")
+    far = max(lower, upper, key=abs)
+    if abs(far) <= most:
+        return
+    remedy = (
+        "give it in metres, not in millimetres"
+        if slides
+        else 'write type="continuous" and no <limit> if it turns without end'
+    )
+    raise BadRobot(
+        f"joint {joint.name!r} has the limit {far:g} {unit}, but at most {most:g} "
+        f"{unit} either way are expected; {remedy}"
+    )
+
+
 def extent(solid: Solid) -> float:
     """Return the largest edge of a solid's box, in its own frame [m]."""
     if solid.kind == HULL:
@@ -62,6 +89,18 @@ def extent(solid: Solid) -> float:
     if solid.kind == CYLINDER:
         return float(max(2 * solid.size[0], solid.size[1]))
     return float(2 * solid.size[0])
+
+
+def _check_place(link: Link, shape: Shape, solid: Solid) -> None:
+    middle = solid.points.mean(axis=0) if solid.kind == HULL else np.zeros(3)
+    T = shape.T_link_shape
+    far = float(np.linalg.norm(T[:3, :3] @ middle + T[:3, 3]))
+    if far > FARTHEST_SHAPE:
+        raise BadRobot(
+            f"the {shape.kind} of link {link.name!r} sits {_length(far)} from the "
+            f"link's frame, but at most {_length(FARTHEST_SHAPE)} are expected; give "
+            "its <origin> in metres, or move the mesh in its file"
+        )
 
 
 def _check_solid(link: Link, shape: Shape, size: float) -> None:

@@ -1,5 +1,6 @@
 """Load a robot from its URDF: bodies, solids, sphere cover and what they may touch."""
 
+import difflib
 import os
 from collections.abc import Collection, Mapping, Sequence
 
@@ -16,6 +17,7 @@ from roadmap.robot.known import known_robot, own_file, robot_file
 from roadmap.robot.robot import Robot
 
 _COARSEST = 1.0  # [m] excess of a cover that nobody uses
+_MANY = 24  # links that are not all listed in a message
 _AN_ARM = 3  # moving joints of what may be meant to carry a hand, at least
 
 
@@ -136,8 +138,7 @@ def _tip(description: Description, tip: str | None, locked: Mapping) -> str:
         if tip in description.links:
             return tip
         raise BadRobot(
-            f"there is no link {tip!r} to be the tip; the links are "
-            f"{list(description.links)}"
+            f"there is no link {tip!r} to be the tip; {_links(description, tip)}"
         )
     parents = {joint.parent for joint in description.joints.values()}
     lengths = {}
@@ -157,6 +158,17 @@ def _tip(description: Description, tip: str | None, locked: Mapping) -> str:
     return candidates[0]
 
 
+def _links(description: Description, tip: str) -> str:
+    """Return the links for a message: all, or of many those of similar names."""
+    links = list(description.links)
+    if len(links) <= _MANY:
+        return f"the links are {links}"
+    small = {link.lower(): link for link in links}
+    near = difflib.get_close_matches(tip.lower(), small, 5, 0.5)
+    hint = f"did you mean {', '.join(small[n] for n in near)}? " if near else ""
+    return f"{hint}choose one of the {len(links)} links of its URDF"
+
+
 def _hand_of(description: Description, fingers: Sequence[str]) -> str | None:
     """Return the last link that carries all of some links that move on it.
 
@@ -166,5 +178,6 @@ def _hand_of(description: Description, fingers: Sequence[str]) -> str | None:
     same = zip(*paths, strict=False)  # joint by joint from the root, till one ends
     shared = [joints[0] for joints in same if len({j.name for j in joints}) == 1]
     moving = [joint for joint in shared if joint.kind in MOVABLE]
-    more = any(j.kind in MOVABLE for path in paths for j in path[len(shared) :])
-    return shared[-1].child if more and len(moving) >= _AN_ARM else None
+    behind = [[j for j in p[len(shared) :] if j.kind in MOVABLE] for p in paths]
+    more = max(map(len, behind))
+    return shared[-1].child if 0 < more <= len(moving) >= _AN_ARM else None

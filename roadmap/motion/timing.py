@@ -72,7 +72,11 @@ class SpeedProfile:
         Raises:
             BadInput: `t` is negative or not a number.
         """
-        if isinstance(t, str) or not t >= 0.0:
+        try:
+            sound = bool(t >= 0.0)
+        except (TypeError, ValueError):  # text, nothing, or several at a time
+            sound = False
+        if not sound:
             raise BadInput(f"a motion has no set-point at {t} s; ask from 0 s on")
         if t >= self.duration or not self.phases:
             return State(self.end, 0.0, 0.0)

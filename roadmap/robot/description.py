@@ -173,6 +173,7 @@ def _well_formed(path: Path) -> bytes:
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
     _check_parts(root, path.name)
+    _check_numbers(root, path.name)
     return etree.tostring(root)
 
 
@@ -194,6 +195,29 @@ def _check_parts(root, filename: str) -> None:
                     f"joint {joint.get('name')!r} of {filename} names no {end} link; "
                     f'give it <{end} link="..."/>'
                 )
+
+
+def _check_numbers(root, filename: str) -> None:
+    """Refuse axes and scales that are not three numbers, and angles in degrees."""
+    keys = {"axis": ("xyz", (3,)), "mesh": ("scale", (1, 3)), "origin": ("rpy", ())}
+    for part in root.iter(*keys):
+        key, counts = keys[part.tag]
+        text = part.get(key)
+        numbers = (text or "").split()
+        where = f'<{part.tag} {key}="{text}"> of {filename}, line {part.sourceline},'
+        if not counts:  # the parser tells of wrong ones
+            if any(_is_beyond(n) for n in numbers):
+                raise BadRobot(f"{where} looks like degrees; give radians")
+        elif text is not None and len(numbers) not in counts:
+            raise BadRobot(f"{where} holds {len(numbers)} numbers; give three")
+
+
+def _is_beyond(number: str) -> bool:
+    """Return whether an angle [rad] turns so far that it must be in degrees."""
+    try:
+        return abs(float(number)) > MOST_TURNED
+    except ValueError:
+        return False  # so it does here
 
 
 def _is_xacro(tag: str) -> bool:

@@ -7,12 +7,21 @@ from pathlib import Path
 
 import typer
 
-from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Writes
+from sim.terminal.checks import (
+    FOLDER,
+    MOST_SEED,
+    MOST_WORKERS,
+    PICTURE,
+    SECONDS,
+    Limits,
+    Writes,
+)
 from sim.terminal.flags import Json, argument, flag, flags_of, from_request
 from sim.terminal.interrupt import GRACE, patience
 from sim.terminal.output import show_json, write_text
 from sim.terminal.progress import Bars
 
+_COUNT = Limits(1, 1_000_000)
 VERDICT_S = 10.0  # simulated, of each run
 NOT_SHIPPED = (
     "the benches are not installed with the package; run them from a checkout, where "
@@ -39,7 +48,9 @@ class BenchRequest:
         "--map",
         metavar="MAP",
     )
-    seed: int | None = flag(None, "Same seed, same frames.")
+    seed: int | None = flag(
+        None, "Same seed, same frames.", limits=Limits(0, MOST_SEED)
+    )
     short: bool = flag(False, "Show that it runs; measure nothing.", "--short")
     quick: bool = flag(False, "Fewer frames, within 5 min (peers).", "--quick")
     node_counts: str | None = flag(
@@ -64,20 +75,30 @@ class BenchRequest:
     seconds: float | None = flag(
         None, "Simulated time of each run, s (motions, targets).", limits=SECONDS
     )
-    seeds: int | None = flag(None, "Runs of each motion (motions).")
-    processes: int | None = flag(None, "Runs at a time (motions, story).", min=1)
+    seeds: int | None = flag(None, "Runs of each motion (motions).", limits=_COUNT)
+    processes: int | None = flag(
+        None, "Runs at a time (motions, story).", limits=Limits(1, MOST_WORKERS)
+    )
     motions: list[str] | None = flag(
         None,
         "Run this motion only; again for more (motions).",
         "--motion",
         metavar="NAME",
     )
-    runs: int | None = flag(None, "Draws of each scene (handover, story).", min=1)
+    runs: int | None = flag(
+        None, "Draws of each scene (handover, story).", limits=_COUNT
+    )
     repeats: int | None = flag(
-        None, "Times each run is played; of a frame the least counts (story).", min=1
+        None,
+        "Times each run is played; of a frame the least counts (story).",
+        limits=_COUNT,
     )
     own: bool = flag(False, "Scenes of our own (handover).", "--own")
-    workers: int | None = flag(None, "Build on so many processes, too (build).", min=1)
+    workers: int | None = flag(
+        None,
+        "Build on so many processes, too (build).",
+        limits=Limits(1, MOST_WORKERS),
+    )
     reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
     pads: list[str] | None = flag(
         None,
@@ -85,7 +106,10 @@ class BenchRequest:
         metavar="LINK",
     )
     distances: list[float] | None = flag(
-        None, "Distance of the person, in m; again for more (targets).", "--distance"
+        None,
+        "Distance of the person, in m; again for more (targets).",
+        "--distance",
+        limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
     )
     files: list[Path] | None = flag(
         None, "A recording to use; again for more.", "--file", metavar="F"

@@ -3,7 +3,6 @@
 import math
 import time
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +10,8 @@ import typer
 
 from sim.run.crew import HERE, Place, begin_ahead, crew
 from sim.run.folders import MAPS, check_map_folder
-from sim.terminal.checks import FOLDER, Limits, Refused
-from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.checks import FOLDER, MOST_WORKERS, Limits, Refused, check_choice
+from sim.terminal.flags import Json, Threads, argument, flag, from_request
 from sim.terminal.output import bytes_text, report
 from sim.terminal.progress import Bars, now_compiling
 
@@ -27,15 +26,8 @@ _LOADS = "odm.cell_map.chunk_code"
 # sections of a recipe, and the options that go there under their own name
 _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
 
-
-class Part(StrEnum):
-    """What `odm warmup` can be asked for alone."""
-
-    RUN = "run"
-    DEMO = "demo"
-
-
-_COMPILED = {Part.RUN: "run", Part.DEMO: "story"}  # their names in the tables
+# what `odm warmup` can be asked for alone, and its name in the tables
+_COMPILED = {"run": "run", "demo": "story"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,7 @@ class BuildRequest:
         metavar="DIR",
         writes=FOLDER,
     )
-    threads: int = flag(0, "Threads; 0: one per core.", min=0)
+    threads: Threads = 0
     force: bool = flag(False, "Replace a map of another recipe.", "--force")
     suggest: bool = flag(False, "Table of sizes; nothing is built.", "--suggest")
     robot: str | None = flag(
@@ -90,9 +82,15 @@ class BuildRequest:
         limits=Limits(0.0005, 0.5, "m", hint="3 cm are 0.03"),
     )
     seed: int | None = flag(
-        None, "Seed of the sampled nodes.", panel=_COST, limits=Limits(0, 2**63)
+        None, "Seed of the sampled nodes.", panel=_COST, limits=Limits(0, 2**63 - 1)
     )
-    workers: int = flag(0, "Processes of a cluster made here.", panel=_CLUSTER, min=0)
+    workers: int = flag(
+        0,
+        "Processes of a cluster made here.",
+        panel=_CLUSTER,
+        min=0,
+        max=MOST_WORKERS,
+    )
     scheduler: str | None = flag(
         None,
         "Scheduler of a running Dask cluster.",
@@ -310,9 +308,9 @@ def _show(facts: dict) -> None:
 
 def warmup(
     part: Annotated[
-        Part | None,
+        str | None,
         typer.Argument(
-            metavar="PART",
+            metavar="run|demo",
             help="run: what the planner and `odm run` need. demo: what the hand-overs "
             "of `odm demo` need. All where it is left.",
             show_default=False,
@@ -324,6 +322,8 @@ def warmup(
     ] = False,
 ) -> None:
     """Compile all kernels ahead, so that no frame ever pays for it."""
+    if part is not None:
+        check_choice("PART", part, list(_COMPILED))
     if part is not None and fine:
         raise Refused(
             f"--fine was given with {part}; leave one of both: for grids of more than "

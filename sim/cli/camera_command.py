@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.terminal.checks import PICTURE, POSITIVE
+from sim.terminal.checks import PICTURE, PIXELS, PLACE, TURN, Limits
 from sim.terminal.flags import Json, MapOption, argument, flag, from_request
 from sim.terminal.output import FINDING, leave, report
 
@@ -23,6 +23,8 @@ Six = tuple[float, float, float, float, float, float]
 # an Intel RealSense SR305, 640 x 480
 _FX, _CX, _CY, _SCALE = 476.007, 313.683, 242.755, 0.000125
 _SIZE = (640, 480)
+_POINT = (PLACE, PLACE, PLACE)
+_CENTRE = Limits(-LARGEST, LARGEST, "pixels")
 
 
 @dataclass(frozen=True)
@@ -36,24 +38,34 @@ class CameraRequest:
         "Where it is, base frame, m.",
         metavar="X Y Z",
         panel=_CAMERA,
+        limits=_POINT,
     )
     at: Three = flag(
-        (0.65, 0.0, 0.5), "What it looks at, m.", metavar="X Y Z", panel=_CAMERA
+        (0.65, 0.0, 0.5),
+        "What it looks at, base frame, m; up in the image is z, straight below x.",
+        metavar="X Y Z",
+        panel=_CAMERA,
+        limits=_POINT,
     )
     pose: Six | None = flag(
         None,
-        "Instead: pose of its axes (x right, y down, z forward), m, degrees.",
+        "Instead: pose of its axes (x right, y down, z forward), base frame, m, "
+        "degrees.",
         metavar="X Y Z ROLL PITCH YAW",
         panel=_CAMERA,
+        limits=(*_POINT, TURN, TURN, TURN),
     )
-    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA, limits=POSITIVE)
+    fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA, limits=PIXELS)
     fy: float | None = flag(
-        None, "The same along v; default: fx.", panel=_CAMERA, limits=POSITIVE
+        None, "The same along v; default: fx.", panel=_CAMERA, limits=PIXELS
     )
-    cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA)
-    cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA)
+    cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA, limits=_CENTRE)
+    cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA, limits=_CENTRE)
     scale: float = flag(
-        _SCALE, "Metres per pixel unit.", panel=_CAMERA, limits=POSITIVE
+        _SCALE,
+        "Metres per pixel unit.",
+        panel=_CAMERA,
+        limits=Limits(0.0, 1.0, "m", above=True, hint="pixels in mm have 0.001"),
     )
     q: str | None = flag(
         None, "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
@@ -62,9 +74,13 @@ class CameraRequest:
         None,
         "Take the robot's own points away, within so many m of its cover.",
         panel=_CELLS,
+        limits=Limits(0.0, 0.01, "m"),
     )
     flying: float | None = flag(
-        None, "Take flying pixels away, so many m from both neighbours.", panel=_CELLS
+        None,
+        "Take flying pixels away, so many m from both neighbours.",
+        panel=_CELLS,
+        limits=Limits(0.001, 1.0, "m"),
     )
     shadow: bool = flag(True, "What is behind a surface blocks.", panel=_CELLS)
     policy: str = flag(
@@ -215,7 +231,8 @@ def _pose(eye: Three, at: Three, pose: Six | None) -> "np.ndarray":
     from roadmap.transforms import pose_of
 
     if pose is None:
-        return look_at(eye, at)
+        straight = eye[:2] == at[:2]  # down from a ceiling, or up
+        return look_at(eye, at, (1.0, 0.0, 0.0) if straight else (0.0, 0.0, 1.0))
     return pose_of(pose[:3], np.radians(pose[3:]))
 
 
@@ -241,13 +258,15 @@ def _show(file: Path, facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     console, image = Console(), facts["image"]
     table = Table(title=str(file), title_justify="left")
     table.add_column("cells")
     table.add_column("number", justify="right")
     for name, n in facts["cells"].items():
         table.add_row(name, str(n))
-    console.print(table)
+    console.print(Fitted(table))
     low, middle, high = facts["depth_m"]
     pixels = image["width"] * image["height"]
     radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]

@@ -168,6 +168,8 @@ def _show(facts: dict) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from sim.tables.fitted import Fitted
+
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_header=False)
     for _ in range(3):
         table.add_column(overflow="fold")
@@ -178,5 +180,5 @@ def _show(facts: dict) -> None:
         if row["remedy"]:
             table.add_row("", "", Text(f"-> {row['remedy']}"))
     console = Console(highlight=False)
-    console.print(table)
+    console.print(Fitted(table))
     console.print("sound" if facts["sound"] else "something is wrong; see the arrows")

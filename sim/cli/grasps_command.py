@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.run.folders import GRASPS, check_grasp_folder
-from sim.terminal.checks import FOLDER, PICTURE, POSITIVE
-from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.checks import FOLDER, MOST_SEED, PICTURE, Limits
+from sim.terminal.flags import Json, Threads, argument, flag, from_request
 from sim.terminal.output import bytes_text, guarded, report
 from sim.terminal.progress import Bars
 
@@ -36,13 +36,25 @@ class GraspsRequest:
         metavar="DIR",
         writes=FOLDER,
     )
-    mass: float | None = flag(None, "Of a mesh file, kg.", limits=POSITIVE)
-    scale: float = flag(1.0, "Turns a mesh file's unit into metres.", limits=POSITIVE)
-    samples: int = flag(90, "Points on the surface.")
-    rolls: int = flag(8, "Turns about the normal above each.")
-    friction: float = flag(0.5, "Coefficient of friction.")
-    seed: int = flag(1, "Same seed, same set.", min=0)
-    threads: int = flag(0, "Threads; 0: one per core.", min=0)
+    mass: float | None = flag(
+        None,
+        "Of a mesh file, kg.",
+        limits=Limits(0.0, 100.0, "kg", above=True, hint="such as 0.3"),
+    )
+    scale: float = flag(
+        1.0,
+        "Unit of a mesh file in m: 0.001 for millimetres.",
+        limits=Limits(0.0, 1000.0, "m", above=True, hint="such as 0.001"),
+    )
+    samples: int = flag(90, "Points on the surface.", limits=Limits(1, 5000))
+    rolls: int = flag(
+        8, "How many turns about the normal above each.", limits=Limits(1, 72)
+    )
+    friction: float = flag(
+        0.5, "Coefficient of friction, no unit.", limits=Limits(0.01, 2.0)
+    )
+    seed: int = flag(1, "Same seed, same set.", limits=Limits(0, MOST_SEED))
+    threads: Threads = 0
     plot: Path | None = flag(
         None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
     )

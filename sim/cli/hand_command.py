@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.cli.workspace_command import app
-from sim.terminal.checks import HEIGHT, PICTURE
+from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
 from sim.terminal.output import guarded, report
 from sim.terminal.progress import Bars
@@ -23,8 +23,14 @@ class HandRequest:
     height: float = flag(1.75, "Body height in m, 1.2 to 2.2.", limits=HEIGHT)
     posture: Posture = "standing"
     side: Side = "right"
-    spacing: float = flag(0.02, "Between the places, m.", min=0.005, max=0.2)
-    rotations: int = flag(1944, "Of the hand, tried at each place: 72, 576, 1944...")
+    spacing: float = flag(
+        0.02,
+        "Between the places, m.",
+        limits=Limits(0.005, 0.2, "m", hint="2 cm are 0.02"),
+    )
+    rotations: int = flag(
+        1944, "Of the hand, tried at each place: 72, 576, 1944...", limits=ROTATIONS
+    )
     plot: Path | None = flag(None, "Draw the cuts.", metavar="PNG", writes=PICTURE)
     json: Json = None
 
@@ -95,6 +101,8 @@ def _show_arm(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     table = Table(
         title=f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
         f"{facts['posture']}",
@@ -111,7 +119,7 @@ def _show_arm(facts: dict) -> None:
             *(f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best),
         )
     console = Console(highlight=False)
-    console.print(table)
+    console.print(Fitted(table))
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.run.folders import GRASPS
-from sim.terminal.checks import FILM, PICTURE, Limits, Writes
+from sim.terminal.checks import FILM, MOST_SEED, PICTURE, Limits, Writes
 from sim.terminal.flags import Json, argument, flag, from_request
 from sim.terminal.output import Bars, bytes_text, guarded, report
 
@@ -33,7 +33,9 @@ class PlanRequest:
     scene: str = argument(
         ..., "butler, stool, kneeling or a TOML file.", metavar="SCENE"
     )
-    seed: int = flag(0, "What the scene's random parts are drawn with.", min=0)
+    seed: int = flag(
+        0, "What the scene's random parts are drawn with.", limits=Limits(0, MOST_SEED)
+    )
     time_limit: float = flag(
         60.0,
         "Give up after so many s.",

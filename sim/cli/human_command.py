@@ -164,6 +164,8 @@ def _show(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     console = Console(highlight=False)
     reach = facts["reach"]
     console.print(
@@ -179,14 +181,14 @@ def _show(facts: dict) -> None:
         mass = "" if row["mass_kg"] is None else f"{row['mass_kg']:.2f}"
         radius = "" if row["radius_m"] is None else f"{row['radius_m']:.3f}"
         table.add_row(row["segment"], length, share, mass, radius)
-    console.print(table)
+    console.print(Fitted(table))
     table = Table(title="Joints of an arm", title_justify="left", title_style="bold")
     for head in ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture"):
         table.add_column(head, justify="left" if head == "joint" else "right")
     for row in facts["joints"]:
         numbers = (row["lower_deg"], row["upper_deg"], row["now_deg"])
         table.add_row(row["joint"], *(f"{n:.0f}" for n in numbers))
-    console.print(table)
+    console.print(Fitted(table))
     console.print(
         f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
         f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "

@@ -64,7 +64,7 @@ class AuditRequest:
     """What `odm audit` is asked for."""
 
     map_dir: MapArgument
-    pairs: int = flag(100_000, "Pairs tested.", min=1)
+    pairs: int = flag(100_000, "Pairs tested.", min=1, max=10**12)
     seed: Seed = 0
     close: bool = flag(False, "Ask the close test, not the cells.", "--close")
     payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
@@ -78,6 +78,7 @@ class AuditRequest:
         "Attack what a planner remembers instead: N random frames in which "
         "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
         min=1,
+        max=10**9,
         metavar="N",
     )
     threads: Threads = 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from sim.cli.hand_command import app, place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
-from sim.terminal.checks import HEIGHT, PICTURE, Limits
+from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
 from sim.terminal.output import guarded, report
 from sim.terminal.progress import Bars
@@ -24,6 +24,15 @@ class MeetRequest:
     """What `odm workspace meet` is asked for."""
 
     robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
+    tip: str | None = flag(
+        None, "Link of the tool, as of its reach map.", metavar="LINK"
+    )
+    lock: list[str] | None = flag(
+        None,
+        "Make a joint rigid, as in its reach map, at a value in rad or m; may be "
+        "repeated.",
+        metavar="JOINT=VALUE",
+    )
     human: float = flag(
         1.75, "Body height of the person in m, 1.2 to 2.2.", "--height", limits=HEIGHT
     )
@@ -46,13 +55,15 @@ class MeetRequest:
     object_name: str = flag(
         "wrench", "What is handed.", "--object", metavar="wrench|mallet"
     )
-    k: int = flag(10, "Targets told.", "--k", min=1)
+    k: int = flag(10, "Targets told.", "--k", min=1, max=100_000)
     cell: float = flag(
         0.15,
         "Side of a position cell, m.",
         limits=Limits(0.005, 0.5, "m", hint="15 cm are 0.15"),
     )
-    rotations: int = flag(72, "Cells of rotation.")
+    rotations: int = flag(
+        72, "Cells of rotation: 72 (60 deg), 576 (30 deg)...", limits=ROTATIONS
+    )
     base_height: float | None = flag(
         None,
         "Of the robot's base above the floor, m; left: 0 for a robot whose "
@@ -171,10 +182,13 @@ def _loaded(
     """Return the robot, its reach map, and that of a person's arm or None."""
     from handover import load_reach_map
     from roadmap import load_robot
+    from sim.cli.build_command import parse_locked
 
     name, human_map = request.robot, request.human_map
+    locked = parse_locked(request.lock)
     tell("robot", 0, 1)
-    robot = load_robot(name, cover_excess=0.1)  # the cover is not used here
+    # the cover is not used here
+    robot = load_robot(name, tip=request.tip, locked=locked, cover_excess=0.1)
     tell("robot", 1, 1)
     folder = request.map_dir or REACH_MAPS / Path(name).stem
     reach = load_reach_map(folder, robot=robot)
@@ -199,6 +213,8 @@ def _show_meet(facts: dict) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from sim.tables.fitted import Fitted
+
     console = Console(highlight=False)
     person = facts["human"]
     console.print(
@@ -218,7 +234,7 @@ def _show_meet(facts: dict) -> None:
             table.add_column(head, justify="right", no_wrap=True)
         for target in row["best"]:
             table.add_row(*_target_row(target))
-        console.print(table)
+        console.print(Fitted(table))
         console.print(_EXPLAINED)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)

@@ -75,12 +75,12 @@ def _hand_over(request: DemoRequest) -> None:
     from sim.maintenance.cases import WORK_PLACES, pads_at
     from sim.run.meet import reach_map_of
     from sim.story.request import KEYBOARD, MOCAP
-    from sim.story.tell import check_object, recorded_person, tell_story
+    from sim.story.tell import object_of, recorded_person, tell_story
     from sim.terminal.ahead import compile_ahead
 
     live = None
     # what cannot be handed over or played is told before a map is loaded or built
-    check_object(request)
+    thing = object_of(request)
     person = recorded_person(request) if request.human == MOCAP else None
     if request.human == KEYBOARD:
         from sim.keyboard.story import KeyboardStory
@@ -104,7 +104,7 @@ def _hand_over(request: DemoRequest) -> None:
 
         found = tell_cycles(request, cell_map, reach)
     else:
-        found = tell_story(request, cell_map, reach, live, person)
+        found = tell_story(request, cell_map, reach, live, person, thing)
     if request.json is not None:
         show_json(found, request.json)
     touched = found["contacts"] or found.get("object_contacts", 0)

@@ -24,6 +24,7 @@ from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
+from sim.tables.fitted import Fitted
 from sim.tables.scale import NEAR, choice, gain_of
 from sim.terminal.output import bytes_text, show_json
 from sim.terminal.progress import Bars
@@ -254,8 +255,8 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     table.title_style, table.pad_edge = "bold", False
-    heads = ("cell", "nodes", "edges", "per edge", "map", "build")
-    for head in (*heads, "overhead", "overhead, close", "crossing", "clutter"):
+    heads = ("cell", "nodes", "edges", "per\nedge", "map", "build")
+    for head in (*heads, "overhead", "overhead,\nclose", "crossing", "clutter"):
         table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(
@@ -272,7 +273,7 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
             style="bold" if row is best else "",
         )
     console = Console(highlight=False)
-    console.print(table)
+    console.print(Fitted(table))
     console.print(
         "Overhead: how much farther than the clearance m an arm is when an edge is "
         "given up, on average; close: by the close test, which asks points where cells "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from sim.terminal.checks import FILM, PICTURE, PICTURES, RATE, SECONDS, Limits
+from sim.terminal.checks import FILM, PICTURE, PICTURES, PLACE, RATE, SECONDS, TURN
 from sim.terminal.flags import Json, flag, from_request
 from sim.terminal.output import show_json
 from sim.terminal.progress import Bars
@@ -36,7 +36,7 @@ class TwoRequest:
         "Base of the second in the first one's base frame: m, m, degrees; "
         "default: they face each other and share what lies between.",
         metavar="X Y YAW",
-        limits=Limits(-360.0, 360.0),
+        limits=(PLACE, PLACE, TURN),
     )
     other: str = flag(
         "planned",
@@ -44,7 +44,7 @@ class TwoRequest:
         metavar="planned|scripted",
     )
     seconds: float = flag(120.0, "Simulated time in s.", limits=SECONDS)
-    rate: float = flag(100.0, "Frames per second.", limits=RATE)
+    rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
     plot: Path | None = flag(
         None, "Draw the closest moment.", metavar="PNG", writes=PICTURE
     )
@@ -157,6 +157,7 @@ def show(figures: dict, maps: tuple) -> None:
     from rich.table import Table
 
     from sim.run.report import setting_line
+    from sim.tables.fitted import Fitted
 
     table = Table(title="Two robots, by the exact audit of every frame")
     table.title_justify = "left"
@@ -184,7 +185,7 @@ def show(figures: dict, maps: tuple) -> None:
     for row in rows:
         table.add_row(*row)
     console = Console()
-    console.print(table)
+    console.print(Fitted(table))
     for k, reasons in enumerate(figures["hold_reasons"]):
         for reason, frames in reasons:
             seconds = frames / figures["rate_hz"]

@@ -1,11 +1,11 @@
 """`odm view`: a recording or a map in the browser."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.run.folders import MAPS
+from sim.terminal.checks import Limits
 from sim.terminal.flags import argument, flag, from_request
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sim.record import RunRecord
     from sim.view.page import Show
 
-
+_FROM = Limits(0.0, 86_400.0, "s")
 # what is often given in place of a recording, and which command shows it
 _OTHERS = {
     ".json": ("a hand-over plan", "`odm replay {file}` tells and draws it"),
@@ -43,7 +43,7 @@ class ViewRequest:
         "--map",
         metavar="MAP",
     )
-    at: float = flag(0.0, "Where in the recording it begins, in s.")
+    at: float = flag(0.0, "Where in the recording it begins, in s.", limits=_FROM)
     port: int = flag(8080, "Port of the page; 0: any that is free.")
     host: str = flag(
         "127.0.0.1",
@@ -69,8 +69,6 @@ def view(request: ViewRequest) -> None:
     from sim.view.gate import is_local, listening, new_token
     from sim.view.viewer import check_viewer
 
-    if not 0.0 <= request.at < math.inf:
-        raise BadInput(f"--at {request.at} is no time; give seconds from 0 on")
     if request.file is None and request.map_dir is None:
         raise BadInput("there is nothing to show; give a recording, or --map MAP")
     if request.file is not None:

@@ -8,8 +8,16 @@ import typer
 
 from sim.run.crew import Place, crew
 from sim.run.folders import REACH_MAPS, check_reach_folder
-from sim.terminal.checks import FOLDER, PICTURE, SECONDS, Limits
-from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.checks import (
+    FOLDER,
+    MOST_SEED,
+    MOST_WORKERS,
+    PICTURE,
+    ROTATIONS,
+    SECONDS,
+    Limits,
+)
+from sim.terminal.flags import Json, Threads, argument, flag, from_request
 from sim.terminal.output import bytes_text, guarded, report
 from sim.terminal.progress import Bars
 
@@ -24,7 +32,10 @@ app = typer.Typer(
 Poses = Annotated[
     int,
     typer.Option(
-        "--recall", min=0, help="Random poses to solve for the recall; 0: not told."
+        "--recall",
+        min=0,
+        max=10_000_000,
+        help="Random poses to solve for the recall; 0: not told.",
     ),
 ]
 
@@ -42,29 +53,39 @@ class ReachRequest:
     )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
     lock: list[str] | None = flag(
-        None, "Make a joint rigid; repeatable.", metavar="JOINT=VALUE"
+        None,
+        "Make a joint rigid, at a value in rad or m; may be repeated.",
+        metavar="JOINT=VALUE",
     )
     cell: float = flag(
         0.05,
         "Side of a position cell, m.",
         limits=Limits(0.01, 0.5, "m", hint="5 cm are 0.05"),
     )
-    rotations: int = flag(576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...")
-    samples: int | None = flag(None, "Configurations drawn before cells are marked.")
+    rotations: int = flag(
+        576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...", limits=ROTATIONS
+    )
+    samples: int | None = flag(
+        None,
+        "Configurations drawn before cells are marked.",
+        limits=Limits(1000, 4_000_000_000),
+    )
     seconds: float | None = flag(
         None,
         "Stop after so many s of the clock; the map depends on the machine.",
         "--stop-after",
         limits=SECONDS,
     )
-    seed: int = flag(1, "Same seed, same map.", min=0)
-    threads: int = flag(0, "Threads; 0: one per core.", min=0)
+    seed: int = flag(1, "Same seed, same map.", limits=Limits(0, MOST_SEED))
+    threads: Threads = 0
     self_collision: bool = flag(
         True,
         "Whether configurations in self-collision count out.",
         "--self-collision/--no-self-collision",
     )
-    workers: int = flag(0, "Processes of a Dask cluster made here.", min=0)
+    workers: int = flag(
+        0, "Processes of a Dask cluster made here.", min=0, max=MOST_WORKERS
+    )
     scheduler: str | None = flag(
         None, "Of a Dask cluster that runs.", metavar="tcp://HOST:8786"
     )

@@ -7,6 +7,7 @@ import numpy as np
 from handover.targets.live_targets import BLOCKED, NOBODY
 from sim.loop.run_result import RunResult, percentiles
 from sim.run.meet_loop import MeetLoop
+from sim.tables.fitted import Fitted
 
 
 def target_figures(loop: MeetLoop, result: RunResult) -> dict:
@@ -77,7 +78,7 @@ def print_targets(told: dict) -> None:
         ms = {k: 1e3 * v for k, v in told[f"loop_{name}_s"].items()}
         values = " / ".join(f"{ms[k]:.2f}" for k in ("p50", "p99", "max"))
         rows.add_row(f"loop with targets, {name}: p50 / p99 / max", f"{values} ms")
-    Console().print(rows)
+    Console().print(Fitted(rows))
 
 
 def _percent(share: float) -> str:

@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sim.loop.run_result import RunResult, percentiles
+from sim.tables.fitted import Fitted
 from sim.tables.header import processor
 from sim.tables.versions import version
 
@@ -32,7 +33,7 @@ def print_report(
     if any(result.holds for result in results):
         tables.append(hold_table(results))
     tables += [latency_table(result) for result in results]
-    spaced = [part for table in tables for part in (table, "")]
+    spaced = [part for table in tables for part in (Fitted(table), "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 

@@ -9,8 +9,10 @@ from sim.terminal.checks import (
     FILM,
     PICTURE,
     PICTURES,
+    PLACE,
     RATE,
     SECONDS,
+    TURN,
     Limits,
     Writes,
 )
@@ -60,7 +62,7 @@ class RunRequest:
         limits=SECONDS,
     )
     seed: Seed = 0
-    rate: float = flag(100.0, "Frames per second.", limits=RATE)
+    rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
     out: Path | None = flag(
         None, "Folder for all pictures.", metavar="DIR", writes=PICTURES
     )
@@ -74,9 +76,10 @@ class RunRequest:
     mapping: JointNames = None
     stand: tuple[float, float, float] | None = flag(
         None,
-        "Where the recorded person stands: m, m, degrees.",
+        "Where the recorded person stands, and the way they face: m, m, degrees, in "
+        "the robot's base frame.",
         metavar="X Y YAW",
-        limits=Limits(-360.0, 360.0),
+        limits=(PLACE, PLACE, TURN),
     )
     base_height: float = flag(
         0.75,

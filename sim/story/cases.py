@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.grasps.objects import GraspObject
 from handover.grasps.own_object import held_mesh
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
@@ -417,26 +417,21 @@ def setup_of(
 def own_object(
     cell_map: CellMap,
     pads: Sequence[str],
-    source: str | Path,
-    mass_kg: float | None = None,
-    scale: float = 1.0,
+    thing: GraspObject,
 ) -> HeldObject:
-    """Return a mesh of the user's as the robot of a map holds it.
+    """Return an object of the user's as the robot of a map holds it.
 
     Args:
         cell_map: The robot's map.
         pads: Links that may touch it; see `pads_of`.
-        source: The mesh; see `handover.grasps.own_object`.
-        mass_kg: Its mass [kg]; None: by its volume.
-        scale: What turns its unit into metres.
+        thing: The object; see `handover.load_object`.
 
     Raises:
         BadInput: The gripper cannot hold it, or nothing keeps clear of it then.
     """
     robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
     urdf = cell_map.recipe.robot.source
-    told = robot, urdf, robot.tip_name, pads, mass_kg, scale
-    obj = held_mesh(source, *told)
+    obj = held_mesh(thing, robot, urdf, robot.tip_name, pads)
     planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
     moved = np.inf
     for spare in (grasp_spare(robot), LIVE.spare_m):  # a slow one creeps with less

@@ -21,6 +21,7 @@ from sim.terminal.flags import (
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
 PANDA, ARMAR3 = "panda", "armar3"  # robots of the maintenance demo
 MOCAP, KEYBOARD = "mocap", "keyboard"
+MOST_CYCLES = 10_000
 LASTS_S = 30.0  # of a demo [s]
 
 
@@ -86,7 +87,7 @@ class DemoRequest:
     scale: float | None = flag(
         None,
         "Unit of the mesh in m (--object): 0.001 for millimetres; metres if left.",
-        limits=Limits(0.0, 1000.0, "", above=True, hint="such as 0.001"),
+        limits=Limits(0.0, 1000.0, "m", above=True, hint="such as 0.001"),
     )
     record: Path | None = flag(
         None,
@@ -102,7 +103,7 @@ class DemoRequest:
         "Who gives and takes the tools (maintenance); panda if left.",
         metavar="panda|armar3",
     )
-    cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1)
+    cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1, max=MOST_CYCLES)
     view: bool = flag(
         False, "Watch the hand-over on a page in the browser, as it goes.", "--view"
     )

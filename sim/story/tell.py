@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from handover import ReachMap, load_object
+from handover.grasps.objects import GraspObject
 from odm import CellMap
 from roadmap.loading.body_tree import FASTER
 from sim.draw.film import FilmSettings
@@ -64,6 +65,7 @@ def tell_story(
     reach: ReachMap,
     live: LivePerson | None = None,
     person: RecordedPerson | None = None,
+    thing: GraspObject | None = None,
 ) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
@@ -73,17 +75,16 @@ def tell_story(
         reach: Its reach map.
         live: Who moves the person of `--human keyboard`; see `sim.keyboard.story`.
         person: Who was recorded, of `--human mocap`.
+        thing: The user's object, of `--object`; see `object_of`.
 
     Returns:
         Plain data: what came of it, times, figures, files.
     """
-    quiet = request.json == "-"
-    say: Callable[[str], None] = (lambda text: None) if quiet else print
-    who = live.person if live else person
+    say: Callable[[str], None] = (lambda _: None) if request.json == "-" else print
     with Bars("placing robot, object and person"):
-        setup = _setup_of(request, cell_map, reach)
+        setup = _setup_of(request, cell_map, reach, thing)
         wrist, note = wrist_of(setup)
-        run = _run_of(request, setup, wrist, who)
+        run = _run_of(request, setup, wrist, live.person if live else person)
     say(_said_before(setup, run, note))
     recorder, told = StoryRecorder(run), 0
 
@@ -120,22 +121,27 @@ def tell_story(
     return found
 
 
-def check_object(request: DemoRequest) -> None:
-    """Refuse an object of the user's that is none, or no solid, before any map is made.
+def object_of(request: DemoRequest) -> GraspObject | None:
+    """Return the object of the user's, read before any map is made; None: none is.
 
     Raises:
-        BadInput: See `load_object`.
+        BadInput: It is none, or no solid; see `load_object`.
     """
-    if request.object is not None:
-        load_object(request.object, request.mass, request.scale or 1.0)
+    if request.object is None:
+        return None
+    return load_object(request.object, request.mass, request.scale or 1.0)
 
 
-def _setup_of(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> StorySetup:
+def _setup_of(
+    request: DemoRequest,
+    cell_map: CellMap,
+    reach: ReachMap,
+    thing: GraspObject | None,
+) -> StorySetup:
     """Return the setup, with an object of the user's where one was given."""
     pads, obj = request.pads or (), None
-    if request.object is not None:
-        mesh = request.object, request.mass, request.scale or 1.0
-        obj = own_object(cell_map, pads, *mesh)
+    if thing is not None:
+        obj = own_object(cell_map, pads, thing)
     return setup_of(cell_map, reach, obj, pads=pads)
 
 

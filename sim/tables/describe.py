@@ -142,6 +142,8 @@ def show(facts: dict) -> None:
     """Print what `facts` returned."""
     from rich.console import Console
 
+    from sim.tables.fitted import Fitted
+
     console = Console(highlight=False)
     robot, roadmap, size = facts["robot"], facts["roadmap"], facts["bytes"]
     console.print(
@@ -158,16 +160,16 @@ def show(facts: dict) -> None:
     grid = " x ".join(map(str, facts["cells"]["grid"]))
     low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
     console.print(f"grid of {grid} cells from {low} to {high} m")
-    console.print(_safety_table(facts["safety"]))
+    console.print(Fitted(_safety_table(facts["safety"])))
     if facts["clearance_overhead"] is None:
         what = (
             "[bold]Clearance overhead[/]: not measured; --overhead takes a quick look"
         )
         console.print(what)
     else:
-        console.print(_overhead_table(facts["clearance_overhead"]))
-    console.print(_joint_table(robot))
-    console.print(_cover_table(facts["cover"]))
+        console.print(Fitted(_overhead_table(facts["clearance_overhead"])))
+    console.print(Fitted(_joint_table(robot)))
+    console.print(Fitted(_cover_table(facts["cover"])))
     _show_lists(console, facts)
 
 
@@ -276,10 +278,13 @@ def _overhead_table(overhead: dict) -> "Table":
     return table
 
 
+_JOINTS = "Joints: rad or m, and per s, s², s³"
+
+
 def _joint_table(robot: dict) -> "Table":
     kinds = ["continuous" if endless else "" for endless in robot["continuous"]]
     heads = ("lower", "upper", "velocity", "accel.", "jerk")
-    table = _table("Joints", "joint", "kind" if any(kinds) else None, *heads)
+    table = _table(_JOINTS, "joint", "kind" if any(kinds) else None, *heads)
     names = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
     for k, joint in enumerate(robot["joints"]):
         kind = [kinds[k]] if any(kinds) else []
@@ -304,6 +309,8 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
     """Print the verdict, the families of obstacles and the nearest cases."""
     from rich.console import Console
 
+    from sim.tables.fitted import Fitted
+
     console = Console(highlight=False)
     console.print(str(report), soft_wrap=True)
     if report.free_share < 0.2:
@@ -313,7 +320,7 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
     for name, (pairs, free, bad, smallest) in report.families.items():
         nearest = f"{1000 * smallest:.2f}" if np.isfinite(smallest) else "-"
         table.add_row(name, f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest)
-    console.print(table)
+    console.print(Fitted(table))
     console.print("nearest pairs that were called free:")
     for case in report.worst:
         console.print(f"  {case}", soft_wrap=True)
@@ -326,6 +333,8 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
 def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     """Print the verdict of an audit by sequences, its counts and its faults."""
     from rich.console import Console
+
+    from sim.tables.fitted import Fitted
 
     console = Console(highlight=False)
     console.print(str(report), soft_wrap=True)
@@ -344,7 +353,7 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
         ("smallest exact distance beyond what is kept", smallest),
     ):
         table.add_row(name, number)
-    console.print(table)
+    console.print(Fitted(table))
     for seed, step, fault in report.first_faults:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
     sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""

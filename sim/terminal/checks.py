@@ -59,12 +59,12 @@ class Limits:
     def words(self) -> str:
         """Return the limits for people: "a number above 0 s, up to 100"."""
         unit = f" {self.unit}" if self.unit else ""
-        high = f" up to {self.high:g}" if math.isfinite(self.high) else ""
+        high = f" up to {_plain(self.high)}" if math.isfinite(self.high) else ""
         if not math.isfinite(self.low):
             return f"a finite number{high}{unit}"
         if self.above:
-            return f"a number above {self.low:g}{high and ',' + high}{unit}"
-        low = f" from {self.low:g}" if high else f" of at least {self.low:g}"
+            return f"a number above {_plain(self.low)}{high and ',' + high}{unit}"
+        low = f" {'from' if high else 'of at least'} {_plain(self.low)}"
         return f"a number{low}{high.replace(' up', '')}{unit}"
 
 
@@ -91,16 +91,21 @@ PICTURES = Writes(what="pictures", needs=("matplotlib", "PIL"), folder=True)
 FOLDER = Writes(folder=True)
 _OF_FILES = {".csv", ".gif", ".jpg", ".json", ".mp4", ".npz", ".pdf", ".png", ".toml"}
 FINITE = Limits()
-POSITIVE = Limits(0.0, above=True)
 SECONDS = Limits(0.0, 86_400.0, "s", above=True)
 RATE = Limits(1.0, 10_000.0, "Hz", hint="100 is a frame every 10 ms")
+PIXELS = Limits(0.0, 1e6, "pixels", above=True)
+ROTATIONS = Limits(1, 1_000_000, hint="such as 72 or 576")
+PLACE = Limits(-100.0, 100.0, "m")
+TURN = Limits(-360.0, 360.0, "degrees")
+MOST_SEED = 2**31 - 1  # where maps and sets keep it
+MOST_WORKERS = 4096  # threads or processes
 HEIGHT = Limits(1.2, 2.2, "m", hint="a height of 175 cm is 1.75")
 
 
 def check_value(
     word: str,
     value: object,
-    limits: Limits | None = None,
+    limits: Limits | tuple[Limits, ...] | None = None,
     writes: Writes | None = None,
     choices: str = "",
 ) -> None:
@@ -109,14 +114,20 @@ def check_value(
     Args:
         word: The flag, as it is typed.
         value: What it was given: text, number, path, or several of them.
-        limits: The numbers it takes; None: any that is finite.
+        limits: The numbers it takes, or of each of its values, which `choices` then
+            names; None: any that is finite.
         writes: What it has written; None: nothing.
         choices: Words it takes, with "|" between them; other text: any.
 
     Raises:
         Refused: One sentence with value, limit and remedy.
     """
-    for one in value if isinstance(value, list | tuple) else [value]:
+    values = value if isinstance(value, list | tuple) else [value]
+    if isinstance(limits, tuple):
+        for name, one, each in zip(choices.split(), values, limits, strict=True):
+            _check_number(f"{word} {name}", one, each)
+        return
+    for one in values:
         if isinstance(one, float | int) and not isinstance(one, bool):
             _check_number(word, one, limits or FINITE)
         elif isinstance(one, str) and "|" in choices and choices.islower():
@@ -126,9 +137,17 @@ def check_value(
 
 
 def _check_number(word: str, value: float, limits: Limits) -> None:
+    if abs(value) > 1e300:  # a whole number may be too large for a float
+        value = math.copysign(math.inf, value > 0 or -1)
     if not limits.holds(value):
         hint = f"; {limits.hint}" if limits.hint else ""
-        raise Refused(f"{word} is {value:g}: give {limits.words()}{hint}")
+        raise Refused(f"{word} is {_plain(value)}: give {limits.words()}{hint}")
+
+
+def _plain(value: float) -> str:
+    """Return a number as a person writes it: 5000000, not 5e+06."""
+    whole = math.isfinite(value) and abs(value) < 1e10 and value == int(value)
+    return str(int(value)) if whole else f"{value:g}"
 
 
 def check_choice(word: str, value: str, choices: list[str]) -> None:

@@ -13,7 +13,7 @@ from typing import Annotated, get_origin, get_type_hints
 
 import typer
 
-from sim.terminal.checks import Limits, Writes, check_value
+from sim.terminal.checks import MOST_WORKERS, Limits, Writes, check_value
 
 JSON_HELP = "Write the figures as JSON to FILE; alone or as '-': to the terminal."
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
@@ -21,8 +21,10 @@ MapOption = Annotated[
     Path, typer.Option("--map", metavar="MAP", help="A map's folder.")
 ]
 Json = Annotated[str | None, typer.Option("--json", metavar="FILE", help=JSON_HELP)]
-Threads = Annotated[int, typer.Option(min=0, help="Threads; 0: one per core.")]
-Seed = Annotated[int, typer.Option(min=0, help="Same seed, same run.")]
+Threads = Annotated[
+    int, typer.Option(min=0, max=MOST_WORKERS, help="Threads; 0: one per core.")
+]
+Seed = Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Same seed, same run.")]
 MocapFile = Annotated[
     Path | None, typer.Option(metavar="CSV|BVH", help="Recorded motion, for mocap.")
 ]
@@ -60,7 +62,7 @@ def flag(
     default: object,
     text: str,
     *names: str,
-    limits: Limits | None = None,
+    limits: Limits | tuple[Limits, ...] | None = None,
     writes: Writes | None = None,
     **options: object,
 ) -> Field:
@@ -70,7 +72,8 @@ def flag(
         default: Its value where it is not given; `...`: it must be given.
         text: The help, with the unit.
         names: Of the flag, where it is not that of the field.
-        limits: What numbers are taken.
+        limits: What numbers are taken; several: by each of its values, which the
+            metavar names.
         writes: What is written there; looked at before any work.
         options: Of `typer.Option`; `panel` is the part of the help it stands in.
     """

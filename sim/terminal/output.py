@@ -5,6 +5,7 @@ import errno
 import functools
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,13 @@ from sim.terminal.checks import EXTRAS, Refused
 from sim.terminal.progress import Bars as Bars  # where commands look for it
 from sim.terminal.progress import pulse
 
+_REMEDIES = (  # of Python, and of the command line
+    (r"; change it in \w+Settings$", "; choose another value, see --help"),
+    (r"in PlannerSettings\(finger_pads=\.\.\.\)$", "with --pads LINK"),
+    (r"pass package_dirs=\[\.\.\.\] or set (?=ROS_PACKAGE_PATH)", "set "),
+    (r"check its pose T_base_camera$", "check --eye, or --pose"),
+    (r"choose a larger cover_excess$", "give the recipe a larger cover_excess"),
+)
 FINDING, MISTAKE = 1, 2  # exit codes: something was found; it could not be done
 
 
@@ -68,8 +76,15 @@ def _sentence(error: Exception) -> str | None:
     # not imported above: it brings numba along, and --help should be quick
     errors = sys.modules.get("roadmap.errors")
     if errors is not None and isinstance(error, errors.PlanningError):
-        return str(error)
+        return _as_typed(str(error))
     return None
+
+
+def _as_typed(text: str) -> str:
+    """Return an inner sentence with a remedy for who typed a command, not Python."""
+    for python, typed in _REMEDIES:
+        text = re.sub(python, typed, text)
+    return text
 
 
 def no_room(error: Exception) -> str | None:

@@ -173,10 +173,9 @@ class Bars:
             self._compile = None
             return
         done, total, left_s = found
-        text = f"compiling, {time_text(left_s)} left"
         if self._compile is None:
-            self._compile = self._bars.add_task(text, total=total)
-        self._bars.update(self._compile, description=text, completed=done, total=total)
+            self._compile = self._bars.add_task("compiling", total=total)
+        self._bars.update(self._compile, completed=done, total=total, left_s=left_s)
 
     def line(self) -> str:
         """Return how far the present stage is, as one line."""
@@ -204,16 +203,38 @@ class Bars:
 def _rich_bars() -> object:
     from rich import progress
     from rich.console import Console
+    from rich.text import Text
+
+    class Times(progress.ProgressColumn):
+        """How long a stage took, and about how long it will still take."""
+
+        def render(self, task: progress.Task) -> Text:
+            """Return both as words."""
+            left = task.fields.get("left_s", task.time_remaining)
+            passed = task.finished_time if task.finished else task.elapsed
+            return Text(times_text(passed, None if task.finished else left))
 
     return progress.Progress(
         progress.TextColumn("{task.description:<22}"),
         progress.BarColumn(bar_width=20),
         progress.MofNCompleteColumn(),
-        progress.TimeElapsedColumn(),
-        progress.TextColumn("left"),
-        progress.TimeRemainingColumn(),
+        Times(),
         console=Console(stderr=True),
     )
+
+
+def times_text(passed: float | None, left: float | None) -> str:
+    """Return how long a stage took so far and will still take, each by its word.
+
+    Args:
+        passed: Since it began [s]; None: it did not.
+        left: About so long is left [s]; None: nobody knows, or it is over.
+    """
+    if passed is None:
+        return ""
+    if left is None:
+        return time_text(passed)
+    return f"{time_text(passed)}, about {time_text(left)} left"
 
 
 def time_text(seconds: float) -> str:

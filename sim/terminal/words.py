@@ -167,9 +167,9 @@ def _metavar(name: str, command: object) -> str:
 
 
 def _value_of(name: str, words: list[str]) -> str | None:
-    """Return what stands behind a flag, None where it cannot be told."""
-    for at, word in enumerate(words):
-        flag, equals, value = word.partition("=")
+    """Return what stands behind a flag the last time, None where it cannot be told."""
+    for at in reversed(range(len(words))):
+        flag, equals, value = words[at].partition("=")
         if flag in name.split(" / "):
             return value if equals else next(iter(words[at + 1 :]), None)
     return None

@@ -37,9 +37,10 @@ class DraggedPerson:
 
     def __getattr__(self, name: str) -> object:
         """Everything else is the motion's; where it has none, there is none."""
-        if name == "guess":
-            return partial(self._guess, getattr(self.motion, name))
-        return getattr(self.motion, name)
+        found = getattr(self.motion, name)
+        if name == "guess" and found is not None:
+            return partial(self._guess, found)
+        return found
 
     @property
     def max_speed(self) -> float:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from handover import load_object
 from handover.grasps.own_object import held_mesh, rods_around
 from roadmap import load_robot
 from roadmap.errors import BadInput
@@ -42,6 +43,13 @@ def test_a_mesh_is_held_by_its_end_and_points_out_of_the_hand(robot, bottle):
     assert (places > 0.0).all() and (places < 0.0975).all()
 
 
+def test_an_object_that_was_read_is_held_as_its_file(robot, bottle):
+    read = load_object(bottle, 0.2)
+    bottle.unlink()
+    obj = held(robot, read)
+    assert obj.name == "bottle" and obj.mass_kg == 0.2
+
+
 def test_rods_hold_all_of_a_mesh_and_little_more():
     box = trimesh.creation.box((0.2, 0.06, 0.02))
     corners = np.array(box.triangles)
@@ -59,7 +67,7 @@ def test_rods_hold_all_of_a_mesh_and_little_more():
     [
         ((0.2, 0.15, 0.12), 1.0, "cannot hold thing of 20 x 15 x 12 cm"),
         ((0.03, 0.03, 0.03), 1.0, "a person's hand needs 5 cm; give a longer object"),
-        ((200.0, 30.0, 30.0), 1.0, "millimetres, give scale=0.001"),
+        ((200.0, 30.0, 30.0), 1.0, "millimetres, give a scale of 0.001"),
     ],
 )
 def test_what_nobody_can_hold_or_take_is_refused(robot, tmp_path, size, scale, told):

@@ -1,5 +1,7 @@
 """Scenes: seeds, ranges of the paper, starts, files, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from person_agent import arm_joint, person_urdf
@@ -270,3 +272,19 @@ def test_scenes_of_our_own_have_every_pair_of_agents():
     pairs = {(s.giver.agent.name, s.receiver.agent.name) for s in scenes}
     givers, receivers = ("crichton", "panda"), ("drchubo", "person")
     assert pairs == {(g, r) for g in givers for r in receivers}
+
+
+def test_a_joint_of_a_similar_name_is_meant(tmp_path):
+    text = TEA.replace('agent = "drchubo"\nposture = "standing"', 'agent = "person"')
+    text += "[receiver.joints]\nright_elbow = 0.3\n"
+    with pytest.raises(BadInput, match="did you mean right_elbow_flexion"):
+        handover.load_scene(written(tmp_path, text))
+
+
+def test_a_hand_that_the_urdf_lacks_is_told_by_its_name(tmp_path):
+    arm = Path(__file__).resolve().parents[2] / "data" / "arm3.urdf"
+    own = f'urdf = "{arm}"\n[giver.arms.right]\ntip = "tool"\nhand = "panda"'
+    text = TEA.replace('agent = "crichton"', own)
+    told = "right arm of .giver. has the hand 'panda', but arm3.urdf has no joint"
+    with pytest.raises(BadInput, match=told):
+        handover.load_scene(written(tmp_path, text))

@@ -93,7 +93,8 @@ def test_a_pose_that_is_not_rigid_is_refused(camera, spoil):
 @pytest.mark.parametrize(
     "name, value",
     [("width", 0), ("height", 2.5), ("fx", 0.0), ("fy", -3.0), ("scale", np.nan),
-     ("cx", np.inf), ("cx", 5000.0), ("cy", 121.0), ("cy", -1.0)],
+     ("cx", np.inf), ("cx", 20000.0), ("cy", np.nan), ("cy", -17000.0),
+     ("width", np.nan), ("cx", None), ("fx", "wide")],
 )  # fmt: skip
 def test_bad_intrinsics_are_named(camera, name, value):
     from dataclasses import replace
@@ -191,6 +192,16 @@ def test_a_read_only_image_compiles_nothing_new(space, camera):
 
 def test_a_camera_cannot_look_along_up():
     refused("cannot look", look_at, [0, 0, 1], [0, 0, 2])
+
+
+@pytest.mark.parametrize("eye", [[0.0, 1.0], None, "above"])
+def test_a_camera_stands_at_three_numbers(eye):
+    refused("eye is .*; give three numbers", look_at, eye, [0, 0, 2])
+
+
+def test_what_is_no_camera_is_refused(small_map):
+    told = "a camera is 'cam' .str.; give DepthCamera"
+    refused(told, odm.SeenSpace, small_map, ["cam"])
 
 
 @pytest.mark.parametrize(

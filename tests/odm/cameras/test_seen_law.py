@@ -1,5 +1,7 @@
 """Whatever is there within view is never seen free; and the points cover it."""
 
+from dataclasses import replace
+
 import naive_camera as naive
 import numpy as np
 import pytest
@@ -44,6 +46,39 @@ def test_no_point_of_an_obstacle_is_ever_seen_free(small_map, seed):
     assert not (states == FREE).any()
     # it is not because nothing is free
     assert space.counts()["free"] > 1000
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("corner", [(2, 84), (64, 0), (64, 84)])
+def test_a_crop_without_the_middle_sees_what_the_whole_sees(small_map, seed, corner):
+    rng = np.random.default_rng(seed)
+    camera, capsules = draw_camera(rng), draw_capsules(rng)
+    image = picture(camera, capsules)
+    v, u = corner
+    part = np.s_[v : v + 56, u : u + 76]
+    crop = replace(camera, width=76, height=56, cx=camera.cx - u, cy=camera.cy - v)
+    assert not (0 <= crop.cx < 76 and 0 <= crop.cy < 56)
+    only = np.where(inside(image, part), image, 0).astype(np.uint16)
+    np.testing.assert_allclose(
+        crop.points(image[part]), camera.points(only), atol=1e-12
+    )
+    whole, cut = (odm.SeenSpace(small_map, c, STILL) for c in (camera, crop))
+    whole.update(image, Q, 0.0)
+    cut.update(image[part], Q, 0.0)
+    seen, found = whole.cells(), cut.cells()
+    for kind in (FREE, OCCUPIED):
+        assert (seen[found == kind] == kind).all()
+    assert (found == FREE).any()
+    own = np.zeros(image[part].shape, bool)
+    slow = naive.cell_states(crop, image[part], own, small_map.grid)
+    assert (slow[(found == FREE) & ~eighths_all_free(cut)] == FREE).all()
+
+
+def inside(image, part):
+    """Return which pixels a part of the image holds."""
+    held = np.zeros(image.shape, bool)
+    held[part] = True
+    return held
 
 
 @pytest.mark.parametrize("seed", range(4))

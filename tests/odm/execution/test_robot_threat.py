@@ -112,3 +112,8 @@ def test_a_robot_faster_than_it_says_is_refused(spheres):
         limits_threat(spheres, T, np.zeros(3), dq, speed_scale=0.1)
     with pytest.raises(BadInput, match="3 finite"):
         limits_threat(spheres, T, np.zeros(3), np.zeros(2))
+
+
+def test_spheres_are_of_a_robot():
+    with pytest.raises(BadInput, match="robot is 'ur5' .str.; give what load_robot"):
+        RobotSpheres("ur5")

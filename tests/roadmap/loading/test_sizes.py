@@ -83,6 +83,41 @@ def test_a_joint_in_millimetres_is_refused(urdf, link, joint):
     assert "'turn'" in text and "333 m" in text
 
 
+@pytest.mark.parametrize(
+    ("kind", "limits", "words"),
+    [
+        ("revolute", (-10000, 10000), ("10000 rad", "100 rad", 'type="continuous"')),
+        ("revolute", (-170, 90), ("-170.0 to 90.0 rad", "degrees")),
+        ("prismatic", (0, 800), ("800 m", "100 m", "millimetres")),
+    ],
+)
+def test_limits_of_no_joint_are_refused(urdf, link, joint, kind, limits, words):
+    inside = '<limit lower="{}" upper="{}" velocity="1"/>'
+    body = link("base", BALL) + link("arm", BALL)
+    body += joint("turn", kind, "base", "arm", inside=inside.format(*limits))
+    text = told(urdf(body))
+    assert "'turn'" in text and all(word in text for word in words), text
+
+
+def test_limits_of_a_joint_that_is_not_planned_for_may_be_any(urdf, link, joint):
+    wheel = '<limit lower="-1e16" upper="1e16" velocity="1"/>'
+    body = link("base", BALL) + link("arm", BALL) + link("wheel", BALL)
+    body += joint("turn", "revolute", "base", "arm")
+    body += joint("roll", "revolute", "base", "wheel", inside=wheel)
+    assert load_robot(urdf(body), tip="arm", **COARSE).joint_names == ("turn",)
+
+
+def test_a_shape_far_off_its_link_is_refused(urdf, link, joint, tmp_path):
+    turn = joint("turn", "revolute", "base", "arm")
+    text = told(urdf(link("base", BALL) + link("arm", BALL, "1e6 0 0") + turn))
+    assert "link 'arm' sits 1e+06 m" in text and "30 m" in text and "<origin>" in text
+    lines = [f"v {x} {y} {z}" for x, y, z in ((900, 0, 0), (901, 0, 0), (900, 1, 0))]
+    faces = ("v 900 0 1", "f 1 2 3", "f 1 2 4", "f 1 3 4", "f 2 3 4")
+    (tmp_path / "far.obj").write_text("\n".join((*lines, *faces)))
+    text = told(urdf(link("base", BALL) + link("arm", mesh("far.obj")) + turn))
+    assert "mesh of link 'arm' sits 900" in text
+
+
 def test_a_rail_of_twelve_metres_and_a_marker_of_a_millimetre_are_parts(
     urdf, link, joint
 ):

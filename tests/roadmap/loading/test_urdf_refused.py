@@ -77,11 +77,19 @@ def test_a_robot_without_a_moving_joint_is_refused(arm):
     refuses(arm(BALL, "fixed"), "no joint moves")
     refuses(arm(BALL), "no joint moves", locked={"turn": 0.0})
     still = '<limit lower="0.3" upper="0.3" velocity="1" effort="1"/>'
-    refuses(arm(BALL, inside=still), "no joint moves")
+    refuses(arm(BALL, inside=still), "no joint moves.*'turn' a <limit> that is a range")
 
 
 def test_an_unknown_tip_lists_the_links(arm):
     refuses(arm(BALL), "no link 'hand'.*'base', 'arm'", tip="hand")
+
+
+def test_of_many_links_those_of_similar_names_are_listed(urdf, link, joint):
+    names = ["base", *(f"part_{k}" for k in range(30)), "Arm_Tool_Link"]
+    body = "".join(link(name) for name in names)
+    body += "".join(joint(b, "fixed", a, b) for a, b in pairwise(names))
+    told = "did you mean Arm_Tool_Link. choose one of the 32 links of its URDF$"
+    refuses(urdf(body), told, tip="tool_link")
 
 
 def test_an_unclear_tip_lists_the_candidates(urdf, link, joint):
@@ -102,6 +110,17 @@ def test_an_unclear_tip_names_the_hand_of_fingers_first(urdf, link, joint):
     ):
         fingers = [joint(f"to_{name}", kind, "hand", name) for name in "fg"]
         refuses(urdf("".join(arm + fingers)), f"tip .--tip.: {told}")
+
+
+def test_the_trunk_of_two_arms_is_no_hand(urdf, link, joint):
+    chains = [["base", "t1", "t2", "t3"]]
+    chains += [["t3", *(f"{side}{k}" for k in range(5))] for side in "lr"]
+    names = dict.fromkeys(name for chain in chains for name in chain)
+    body = "".join(link(name, BALL) for name in names)
+    for chain in chains:
+        for a, b in pairwise(chain):
+            body += joint(f"to_{b}", "revolute", a, b)
+    refuses(urdf(body), "tip .--tip.: l4, r4, or any other")
 
 
 def test_locking_what_cannot_be_locked_is_refused(arm, gantry, urdf, link, joint):
@@ -168,6 +187,23 @@ def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):
     body += joint("j", "revolute", "base", "a", inside='<mimic joint="k"/>')
     body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
     refuses(urdf(body), "itself a follower")
+
+
+@pytest.mark.parametrize("axis", ["0 1", "0 0 1 0", ""])
+def test_an_axis_of_other_than_three_numbers_is_refused(urdf, link, joint, axis):
+    body = link("base", BALL) + link("arm", BALL)
+    file = urdf(body + joint("turn", "revolute", "base", "arm", axis=axis))
+    refuses(file, f'<axis xyz="{axis}"> of .*, line 1, holds .* numbers; give three')
+
+
+def test_a_scale_of_two_or_four_numbers_is_refused(arm):
+    refuses(arm(mesh("part.obj", 'scale="1 1 1 1"')), "holds 4 numbers; give three")
+
+
+def test_a_place_turned_by_degrees_is_refused(urdf, link, joint):
+    body = link("base", BALL) + link("arm", BALL, rpy="0 90 0")
+    file = urdf(body + joint("turn", "revolute", "base", "arm"))
+    refuses(file, '<origin rpy="0 90 0"> of .* looks like degrees; give radians')
 
 
 def test_a_zero_axis_is_refused(urdf, link, joint):

@@ -22,6 +22,13 @@ def sampled(motion):
     return motion.sample(np.arange(0.0, motion.duration + 2 * DT, DT))
 
 
+@pytest.mark.parametrize("time", [-1.0, np.nan, "1", None, np.arange(3.0)])
+def test_a_set_point_has_one_time_that_is_a_number(panda, rng, time):
+    motion = roadmap.time_path(panda, draw_path(panda, rng, 2))
+    with pytest.raises(BadInput, match="no set-point at .*; ask from 0 s on"):
+        motion.at(time)
+
+
 @pytest.mark.parametrize("blend", [0.0, 0.002, 0.02])
 def test_samples_are_the_bytes_of_one_time_after_the_other(panda, rng, blend):
     for corners in (1, 2, 5, 5):

@@ -10,6 +10,7 @@ import pytest
 from roadmap.errors import BadInput
 from sim.bench import view
 from sim.bench.browser import Browser, flags_of
+from sim.tables.header import header
 
 
 def test_a_frame_counts_with_the_least_of_its_rounds():
@@ -69,3 +70,23 @@ def test_the_card_or_the_processor_draws():
     for card in (True, False):
         assert ("--use-angle=vulkan" in flags_of(card)) == card
         assert ("--use-angle=swiftshader" in flags_of(card)) != card
+
+
+def test_the_card_is_asked_for_and_the_figures_are_written(odm, monkeypatch, tmp_path):
+    asked = {}
+
+    def run(map_dir, *, card=False, seconds=5.0, short=False):
+        asked.update(map_dir=str(map_dir), card=card, seconds=seconds)
+        rows = [view.value_row("page usable after", np.nan, "s", "no browser", most=3)]
+        return {"bench": "view", "header": header(), "rows": rows}
+
+    monkeypatch.setattr(view, "run", run)
+    file = tmp_path / "view.json"
+    words = ("bench", "view", "--map", "m", "--card", "--seconds", "20")
+    code, out, err = odm(*words, "--json", str(file))
+    assert code == 0 and "page usable after" in out, err
+    assert asked == {"map_dir": "m", "card": True, "seconds": 20.0}
+    (row,) = json.loads(file.read_text())["rows"]
+    assert row["value"] is None and row["asked"] == {"most": 3}
+    code, out, _ = odm(*words[:4], "--json")
+    assert code == 0 and json.loads(out)["rows"] == [row] and not asked["card"]

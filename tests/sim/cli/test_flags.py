@@ -5,6 +5,7 @@ import inspect
 import pkgutil
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 import typer
@@ -81,6 +82,21 @@ def test_every_flag_of_every_command_has_a_help(kind):
     for field in fields(kind):
         if "option" in field.metadata:
             assert field.metadata["option"].help.strip(), field.name
+
+
+@pytest.mark.parametrize("kind", list(requests()), ids=lambda kind: kind.__name__)
+def test_every_number_of_every_command_has_limits_of_its_own(kind):
+    hints = get_type_hints(kind, include_extras=True)
+    for name, word in flags_of(kind).items():
+        field = next(f for f in fields(kind) if f.name == name)
+        option = field.metadata.get("option") or hints[name].__metadata__[-1]
+        typed = str(hints[name])
+        if word == "--port":  # sim.view.gate refuses it by this name
+            continue
+        if not ("int" in typed or "float" in typed) or "str" in typed:
+            continue
+        told = field.metadata.get("limits") or option.max is not None
+        assert told, f"{word} of {kind.__name__} would be refused by inner names"
 
 
 def test_only_the_time_between_audits_of_a_run_is_no_flag():

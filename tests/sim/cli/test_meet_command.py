@@ -186,6 +186,8 @@ def test_a_robot_with_a_tall_base_stands_on_the_floor(robot):
         (("--distance", "nan"), "--distance is nan"),
         (("--human-reach", "MAP", *COARSE), "a map of kawasaki"),
         (("--robot", "plain_arm"), "was built for another robot"),
+        (("--tip", "no_link"), "there is no link 'no_link'"),
+        (("--lock", "no_joint=1"), "no_joint"),
     ],
 )
 def test_bad_input_is_one_sentence(odm, reach_dir, tmp_path, words, said):

@@ -6,9 +6,11 @@ import stat
 import threading
 
 import pytest
+import typer
 
+from roadmap.errors import BadInput
 from roadmap.unfinished import beside
-from sim.terminal.output import no_room, show_json, write_text
+from sim.terminal.output import guarded, no_room, show_json, write_text
 
 
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path):
@@ -49,3 +51,25 @@ def test_a_standard_output_without_room_is_one_sentence(capfd):
     assert no_room(OSError(errno.ENOSPC, "No space left", "map")) is None
     assert no_room(OSError(errno.ENOENT, "no such file")) is None
     assert no_room(ValueError("x")) is None
+
+
+@pytest.mark.parametrize(
+    ("inner", "typed"),
+    [
+        ("a is 1; change it in LoopSettings", "a is 1; choose another value, see"),
+        ("; name them in PlannerSettings(finger_pads=...)", "name them with --pads"),
+        ("; pass package_dirs=[...] or set ROS_PACKAGE_PATH to", "; set ROS_PACKAGE"),
+        ("; check its pose T_base_camera", "; check --eye, or --pose"),
+        ("simplify it or choose a larger cover_excess", "give the recipe a larger"),
+        ("nodes is 1; change it in the recipe", "; change it in the recipe"),
+    ],
+)
+def test_a_remedy_is_told_for_who_typed_a_command(capsys, inner, typed):
+    @guarded
+    def command():
+        raise BadInput(inner)
+
+    with pytest.raises(typer.Exit):
+        command()
+    told = capsys.readouterr().err
+    assert typed in told and "Settings" not in told and "..." not in told

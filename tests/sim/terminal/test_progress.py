@@ -10,7 +10,7 @@ from roadmap.kernel_cache import kept_in
 from sim.terminal import compiling, progress
 from sim.terminal.checks import Limits
 from sim.terminal.compiling import Compiling
-from sim.terminal.progress import Bars, pulse, silence, time_text
+from sim.terminal.progress import Bars, pulse, silence, time_text, times_text
 
 
 @pytest.fixture
@@ -134,3 +134,26 @@ def test_times_are_told_as_people_do(seconds, text):
 )
 def test_limits_are_told_in_words(limits, words):
     assert limits.words() == words
+
+
+@pytest.mark.parametrize(
+    ("passed", "left", "text"),
+    [(12.2, 3.0, "12 s, about 3 s left"), (130, None, "2 min 10 s"), (None, 9, "")],
+)
+def test_a_time_says_which_it_is(passed, left, text):
+    assert times_text(passed, left) == text
+
+
+def test_a_bar_says_what_passed_and_what_is_left(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "_is_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", "100")
+    with Bars() as tell:
+        tell("frames", 1, 4)
+        tell.compile((3, 9, 42.0))
+    told = capsys.readouterr().err
+    assert "frames" in told and "1/4" in told and "0:00" not in told
+    with Bars() as tell:
+        tell("frames", 1, 4)
+        time.sleep(0.02)
+        tell("frames", 3, 4)
+    assert re.search(r"3/4 1 s, about 1 s left", capsys.readouterr().err)

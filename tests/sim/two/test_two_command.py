@@ -58,7 +58,7 @@ def test_a_base_in_the_first_robot_is_one_sentence(odm, map_dir):
 
 def test_a_base_that_is_no_number_and_a_wrong_other_are_refused(odm, map_dir):
     code, _, said = odm("run-two", "--map", map_dir, "--base", "nan", 0, 0)
-    assert code == 2 and "--base is nan" in said
+    assert code == 2 and "--base X is nan" in said
     code, _, said = odm("run-two", "--map", map_dir, "--other", "human")
     assert code == 2 and "planned or scripted" in said
 

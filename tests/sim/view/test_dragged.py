@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim.people.human_motion import make_motion
+from sim.people.placed import Placed
 from sim.view.dragged import SPEED, DraggedPerson
 
 
@@ -28,6 +29,11 @@ def test_a_person_who_was_never_touched_is_the_motion_to_the_byte(name, hand):
         t = i / 47
         assert dragged.capsules(t).tobytes() == motion.capsules(t).tobytes()
     assert dragged.name == motion.name and dragged.max_speed == motion.max_speed
+
+
+def test_who_is_placed_and_guesses_nothing_guesses_nothing_when_dragged(hand):
+    placed = Placed(make_motion("sweep", 3), 0.5)
+    assert getattr(DraggedPerson(placed, hand), "guess", None) is None
 
 
 @pytest.mark.parametrize("name", ["reach", "crowding"])
