@@ -150,6 +150,8 @@ def _well_formed(path: Path) -> bytes:
     except UnicodeDecodeError:
         # an old file with Latin-1 comments: names and numbers are ASCII anyway
         data = data.decode("latin-1").encode("ascii", "replace")
+    # files beside pybullet declare this; whatever it is, they are plain XML
+    data = re.sub(rb'^(\s*<\?xml version=["\'])0\.\d(?=["\'])', rb"\g<1>1.0", data)
     parser = etree.XMLParser(recover=True, resolve_entities=False)
     root = etree.fromstring(data, parser) if data.strip() else None
     bad = [e for e in parser.error_log if "NS_ERR" not in e.type_name]

@@ -165,3 +165,13 @@ def test_a_description_lists_its_links_in_file_order(arm):
     assert list(description.links) == ["base", "arm"] and description.root == "base"
     with pytest.raises(BadRobot):
         read_description("nowhere.urdf")
+
+
+def test_the_version_that_files_beside_pybullet_declare_is_read_as_plain_xml(arm):
+    file = arm(BALL)
+    plain = load_robot(file, **COARSE)
+    text = file.read_text()
+    assert not text.startswith("<?xml")
+    for quote in "\"'":
+        file.write_text(f"<?xml version={quote}0.0{quote} ?>\n{text}")
+        assert load_robot(file, **COARSE).joint_names == plain.joint_names
