@@ -44,9 +44,11 @@ from sim.story.grasping import (
     beads,
     box_of,
     check_grasps,
+    has_room,
     is_valid,
     quarter_turns,
     straight_back,
+    with_room,
 )
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
@@ -176,6 +178,7 @@ class Handover:
         grasps = quarter_turns(meet.obj.T_tool_object, meet.obj.turns)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
+            grasps = with_room(self.planner, self._carried, grasps)
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
@@ -630,6 +633,9 @@ class Handover:
         for grasp in self.grasps:
             off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
             if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
+                # what could not be taken into the map, so held, is not closed on
+                if not has_room(self.planner, self._carried, T_tool_object):
+                    return False
                 self._put = T_tool_object
                 return True
         return False

@@ -17,6 +17,7 @@ from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.stop_test import slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.frame.carrying import Carrier
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, tool_pose
@@ -464,13 +465,14 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
     assert story.outcome == "handed over"
 
 
-def receive(maps, held_at, seconds=14.0, tug=0.0, before=0.1, **settings):
+def receive(maps, held_at, seconds=14.0, tug=0.0, before=0.1, aside=0.0, **settings):
     """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
     index = maps[2]
     off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
     node = int(off.argmin())
     story, human = story_of(maps, "receive", node=node, before=before, **settings)
     T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
+    T_object[:3, 3] += aside * index.T_base_tool[node][:3, 1]
 
     def look(story, now, opened, closed):
         holds = closed and held_at(story)
@@ -492,6 +494,36 @@ def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
     story, states = receive(maps, lambda story: True, before=0.0)
     assert states == ["close", "retreat", "put_down", "kept"]
     assert story.outcome == "handed over" and story.events[0].signal == "between"
+
+
+@pytest.fixture
+def narrow(monkeypatch):
+    """Let the maps have room for an object nowhere but where a wrench is held."""
+    fitting, at = Carrier.fitting, handover.wrench().T_tool_object[:3, 3] + [0, 0, 0.05]
+
+    def within(carrier, thing, T):
+        if np.abs(T[:3, 3] - at).max() > 0.005:
+            raise BadInput("the object needs 0.08 m, and the envelope has 0.07 m")
+        return fitting(carrier, thing, T)
+
+    monkeypatch.setattr(Carrier, "fitting", within)
+    return at
+
+
+def test_what_the_map_has_no_room_for_is_not_closed_on(maps, narrow):
+    """`update` raised, with the fingers closed on what a person held."""
+    for aside, states in ((0.004, ["close"]), (0.008, ["wait", "close"])):
+        story, told = receive(maps, lambda story: True, before=0.0, aside=aside)
+        assert told[: len(states)] == states and story.outcome == "handed over"
+        assert np.abs(story._T_tool_object[:3, 3] - narrow).max() <= 0.005
+
+
+def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_frame(
+    maps, narrow
+):
+    narrow[2] += 0.02
+    with pytest.raises(BadInput, match="the object needs 0.08 m"):
+        story_of(maps, "receive")
 
 
 def test_it_waits_before_an_object_with_room_to_spare(maps):
