@@ -27,7 +27,7 @@ from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
-from odm.execution.threat import Moving, Threat
+from odm.execution.threat import Moving, PartlyCalm, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
@@ -678,8 +678,8 @@ class Executor:
             return False
         closer = max(self._clearance - self.settings.yield_gap, 0.0)
         if threat.expects_harder and not left.all():
-            others = threat.of(~left)
-            if not self._test.passes(motion, t, begin, stop, others, closer):
+            person = PartlyCalm(threat, left)
+            if not self._test.passes(motion, t, begin, stop, person, closer):
                 return False
         return self._stop_free(motion, t, threat.as_lately(), closer=closer)
 

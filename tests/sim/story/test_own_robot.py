@@ -15,7 +15,7 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.stop_test import slowest_stop
+from odm.execution.stop_test import BrakingTest, slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from odm.frame.carrying import Carrier
 from roadmap.errors import BadInput
@@ -524,6 +524,24 @@ def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_fra
     narrow[2] += 0.02
     with pytest.raises(BadInput, match="the object needs 0.08 m"):
         story_of(maps, "receive")
+
+
+def test_beside_who_may_hurry_the_tests_of_a_stop_know_everybody(maps, monkeypatch):
+    """Of those who are not left alone, `PhasePlanner` could not tell who is who."""
+    told, leg = [], sim.PhasePlanner.blocked_leg
+
+    def asked(view, path, extra=0.0, points=None):
+        told.append((len(points), len(view.classes)))
+        return leg(view, path, extra, points)
+
+    def first(test, motion, t, begin, stop, threat):
+        return np.arange(len(threat.error)) == 0
+
+    monkeypatch.setattr(sim.PhasePlanner, "blocked_leg", asked)
+    monkeypatch.setattr(BrakingTest, "left_behind", first)
+    story, _ = receive(maps, lambda story: True, 1.0, threat=ThreatSettings())
+    assert not story.executor.quick
+    assert told and all(n % k == 0 for n, k in told)
 
 
 def test_it_waits_before_an_object_with_room_to_spare(maps):
