@@ -526,6 +526,19 @@ def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_fra
         story_of(maps, "receive")
 
 
+def test_a_planner_that_could_hold_nothing_is_refused_before_the_first_frame(maps):
+    """`update` raised, with the fingers closed on the object."""
+    story, _ = story_of(maps, "receive")
+    told = story.targets, story.executor, sim.StorySettings(direction="receive")
+    story.planner.attach(np.array([[0.0, 0.0, 0.1, 0.02]]))
+    with pytest.raises(BadInput, match="holds 1 spheres, .*call planner.detach"):
+        sim.Handover(story.planner, *told)
+    idle = odm.PlannerSettings(finger_pads=("flange",), search=0)
+    planner = odm.ReactivePlanner(maps[0], settings=idle)
+    with pytest.raises(BadInput, match="search is 0 .*set search to 1000"):
+        sim.Handover(planner, *told)
+
+
 def test_beside_who_may_hurry_the_tests_of_a_stop_know_everybody(maps, monkeypatch):
     """Of those who are not left alone, `PhasePlanner` could not tell who is who."""
     told, leg = [], sim.PhasePlanner.blocked_leg
