@@ -18,6 +18,7 @@ the planner plans from there, and tests the first leg in full.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
-from odm.execution.threat import Moving, Threat
+from odm.execution.threat import Moving, PartlyCalm, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
@@ -38,6 +39,8 @@ from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
+# of a robot, which are its own whatever it holds
+_LIMITS = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
 _COMES = "somebody comes"
 _TOO_NEAR = "somebody is too near for it to move: it stands until they are farther"
 
@@ -102,6 +105,8 @@ class Executor:
         looks = self.brakes and callable(getattr(planner, "evasion", None))
         looks = looks and self.settings.yields
         self._lookout = Lookout(planner, period) if looks else None
+        # the planner's robot with what it holds, and ours with the same
+        self._loaded: tuple[Robot | None, Robot] = None, robot
         self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
@@ -201,6 +206,7 @@ class Executor:
         It is on the path in use, even if the robot has not come to its beginning yet.
         A retreat from somebody goes to its end.
         """
+        self._follow_hand()
         least = self._least(self.t)
         known = self._next
         if known is not None and known[0] is self.motion:
@@ -219,6 +225,25 @@ class Executor:
     def _commit_at(self, t: float, least: float) -> Commit:
         delay = self.settings.commit_delay_s
         return self.motion.commit(t, delay, least, through_blends=True)
+
+    def _follow_hand(self) -> None:
+        """See that what the robot holds now strays no farther than its links may.
+
+        It is beyond the links: where a corner is rounded, or the robot is pushed, it
+        gets farther off than they do.
+        """
+        held = getattr(getattr(self.planner, "static", None), "robot", None)
+        if held is not self._loaded[0]:
+            robot = self.robot
+            if held is not None and len(held.spheres) > len(robot.spheres):
+                own = {name: getattr(robot, name) for name in _LIMITS}
+                robot = replace(held, **own)
+            self._loaded = held, robot
+            self._tracking.follow(robot)
+        robot = self._loaded[1]
+        if self.motion.path.robot is not robot:
+            path = replace(self.motion.path, robot=robot)
+            self.motion = replace(self.motion, path=path)
 
     def _least(self, t: float) -> float:
         """Return the arc length before which no new path begins."""
@@ -311,6 +336,7 @@ class Executor:
             )
         if self._tracking.note:
             self.reason = ""
+        self._follow_hand()
         self._tracking.measure(self.set_point.q, q)
         if not self.off:
             return
@@ -678,8 +704,8 @@ class Executor:
             return False
         closer = max(self._clearance - self.settings.yield_gap, 0.0)
         if threat.expects_harder and not left.all():
-            others = threat.of(~left)
-            if not self._test.passes(motion, t, begin, stop, others, closer):
+            person = PartlyCalm(threat, left)
+            if not self._test.passes(motion, t, begin, stop, person, closer):
                 return False
         return self._stop_free(motion, t, threat.as_lately(), closer=closer)
 

@@ -402,6 +402,41 @@ class Threat:
 
 
 @dataclass(frozen=True, eq=False)
+class PartlyCalm:
+    """A person some parts of whom speed up no harder from now on than so far.
+
+    All parts are told, in their order: who tests them may know each by its number.
+
+    Attributes:
+        threat: The person.
+        calm: (k,) which parts do not speed up harder.
+    """
+
+    threat: Threat
+    calm: np.ndarray
+
+    @cached_property
+    def _so_far(self) -> Threat:
+        return self.threat.as_so_far()
+
+    def between(self, begin: float, end: float) -> tuple[Obstacles, float]:
+        """Return capsules that hold the person at all times; see `Threat.between`."""
+        there, more = self.threat.between(begin, end)
+        calm, less = self._so_far.between(begin, end)
+        there.capsules[self.calm] = calm.capsules[self.calm]
+        return there, max(more, less)
+
+    def strays(self, time: float) -> float:
+        """Return how far a part may be from where it is expected by then [m]."""
+        return self.threat.strays(time)
+
+    @property
+    def fastest(self) -> float:
+        """The highest speed of any part [m/s]."""
+        return self.threat.fastest
+
+
+@dataclass(frozen=True, eq=False)
 class CloudThreat:
     """A cloud of points, of whose motion nothing is known but a bound on its speed.
 

@@ -43,6 +43,10 @@ class TrackingMonitor:
         self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
         self._last = 0.0  # how far it was when that was known last [m]
 
+    def follow(self, robot: Robot) -> None:
+        """Bound how far any point of a robot is that holds something else now."""
+        self._bounds = joint_motion_bounds(robot)
+
     def measure(self, set_point: np.ndarray, q: np.ndarray) -> None:
         """Take the set-point and the measured q, (dof,) each [rad or m]."""
         far, offset, self.note = math.inf, self.offset, ""

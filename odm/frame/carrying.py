@@ -3,6 +3,7 @@
 import numpy as np
 
 from odm.cell_map.payload import (
+    CarriedObject,
     carried_object,
     loaded_map,
     require_fit,
@@ -63,6 +64,18 @@ class Carrier:
         robot = with_payload(self.frame.robot, thing.spheres, thing.shell, [])
         return self.bare.carrying(robot, fenced=self.frame.cell_map.payload is None)
 
+    def fitting(self, thing: object, T_tool_object: np.ndarray) -> CarriedObject:
+        """Return an object as it would be held, in the tool frame.
+
+        Raises:
+            BadInput: It is larger than the map's envelope.
+        """
+        thing = carried_object(thing).moved(check_pose(T_tool_object, "T_tool_object"))
+        layer = self.frame.cell_map.payload
+        if layer is not None:
+            require_fit(layer.recipe, thing)
+        return thing
+
     def attach(self, thing: object, T_tool_object: np.ndarray) -> None:
         """Take an object into the hand; see `ReactivePlanner.attach`."""
         frame = self.frame
@@ -72,10 +85,7 @@ class Carrier:
                 f"{len(frame.thing.spheres)} spheres are attached already; call detach "
                 "before you attach something else"
             )
-        T = check_pose(T_tool_object, "T_tool_object")
-        thing = carried_object(thing).moved(T)
-        if layer is not None:
-            require_fit(layer.recipe, thing)
+        thing = self.fitting(thing, T_tool_object)
         robot = with_payload(frame.robot, thing.spheres, thing.shell, [])
         frame.static = self.bare.carrying(robot, fenced=layer is None)
         frame.thing, self.robot = thing, robot

@@ -143,6 +143,31 @@ def too_near(
     return None
 
 
+def has_room(
+    planner: ReactivePlanner, thing: object, T_tool_object: np.ndarray
+) -> bool:
+    """Whether the map of a planner has room for an object so held, (4, 4) [m]."""
+    try:
+        planner.carrier.fitting(thing, T_tool_object)
+    except BadInput:
+        return False
+    return True
+
+
+def with_room(
+    planner: ReactivePlanner, thing: object, grasps: np.ndarray
+) -> np.ndarray:
+    """Return those grasps (n, 4, 4) for which the planner's map has room.
+
+    Raises:
+        BadInput: For none of them; both sizes are named.
+    """
+    kept = [T for T in grasps if has_room(planner, thing, T)]
+    if not kept:
+        planner.carrier.fitting(thing, grasps[0])  # which says what it lacks
+    return np.array(kept)
+
+
 def check_grasps(
     planner: ReactivePlanner,
     grasps: np.ndarray,

@@ -44,9 +44,11 @@ from sim.story.grasping import (
     beads,
     box_of,
     check_grasps,
+    has_room,
     is_valid,
     quarter_turns,
     straight_back,
+    with_room,
 )
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
@@ -123,8 +125,9 @@ class Handover:
         answer: The last answer of the planner, or what stood for one.
 
     Raises:
-        BadInput: No finger pads, another robot's targets, a place that is no pose, or
-            an object in the hand that does not fit in where the robot stands.
+        BadInput: No finger pads, another robot's targets, a place that is no pose, an
+            object in the hand that does not fit in where the robot stands, or one that
+            the planner could not take into the map.
     """
 
     def __init__(
@@ -156,6 +159,7 @@ class Handover:
         self.machine = Machine(table.TABLES[s.direction], begin)
         self.fingers = CLOSED if self._give and not fetches else OPEN
         self.holding = self._give and not fetches
+        _check_hand(planner, self.holding)
         self._lay_out(thing)
         if self.holding and planner.attached is None:
             planner.attach(self._carried, self._T_tool_object)
@@ -176,6 +180,7 @@ class Handover:
         grasps = quarter_turns(meet.obj.T_tool_object, meet.obj.turns)
         index = self.targets.finder.index
         if not self._give or self._T_place is not None:
+            grasps = with_room(self.planner, self._carried, grasps)
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
@@ -630,6 +635,9 @@ class Handover:
         for grasp in self.grasps:
             off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
             if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
+                # what could not be taken into the map, so held, is not closed on
+                if not has_room(self.planner, self._carried, T_tool_object):
+                    return False
                 self._put = T_tool_object
                 return True
         return False
@@ -1287,6 +1295,21 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_hand(planner: ReactivePlanner, holds: bool) -> None:
+    """Refuse a planner that could not take the object once the fingers close on it."""
+    if not holds and planner.attached is not None:
+        raise BadInput(
+            f"the planner holds {len(planner.attached)} spheres, but this hand-over "
+            "begins with an empty hand; call planner.detach() before"
+        )
+    if planner.cell_map.payload is None and not planner.settings.search:
+        raise BadInput(
+            f"map {planner.cell_map.recipe.name} has no payload layer, and search is 0 "
+            "in the planner's settings, so nothing could be held; set search to 1000, "
+            "or add a [payload] table to the recipe and build it again"
         )
 
 

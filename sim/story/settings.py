@@ -236,7 +236,8 @@ class StorySettings:
         steady_s: ... for so long, before the robot closes in [s].
         between: An object whose middle is so near to where a grasp would have it is
             between the fingers [m],
-        between_rad: ... if it is turned from there by no more than this [rad].
+        between_rad: ... if it is turned from there by no more than this [rad], and the
+            map's payload envelope, if it has one, has room for it there.
         leave_s: Without a place in reach for so long, the person has left [s].
         blocked_s: Without a certified motion for so long, another way is taken [s].
         tries: So often in a row that no certified motion leads to the object held out,

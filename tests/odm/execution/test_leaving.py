@@ -10,7 +10,7 @@ import odm
 from odm.execution.executor import BRAKED, Executor
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.geometry.gaps import ball_gaps, moved_rods
-from roadmap.kinematics.forward import cover_balls
+from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.transforms import pose_of
 
 START = np.array([0.0, 0.6, 0.0])
@@ -104,6 +104,18 @@ def test_which_way_leads_away_is_told_by_every_sphere_that_is_near(small_map):
         (0.4, "away"): [False],
         (0.4, "nearer"): [False],  # nobody is near
     }
+
+
+def test_what_it_holds_leads_to_somebody_as_its_own_links_do(small_map):
+    """It went on with 5 mm for `m`, the object ahead: only links were looked at."""
+    leads = {}
+    for end in (AWAY, NEARER):
+        scene = Beside(small_map, 0.3, end)
+        at = scene.place + (scene.radius + 0.012 + 0.04) * scene.out
+        T = np.linalg.inv(tool_pose(scene.robot, START))
+        scene.planner.attach(np.array([[*(T[:3, :3] @ at + T[:3, 3]), 0.04]]))
+        leads[bool(end is AWAY)] = left_by(scene, scene.threat())
+    assert leads == {True: [True], False: None}
 
 
 def test_a_robot_that_was_placed_leaves_the_same_people(small_map):

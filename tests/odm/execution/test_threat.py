@@ -7,7 +7,13 @@ import pytest
 
 import odm
 from odm.execution.stop_test import BrakingTest
-from odm.execution.threat import CloudThreat, Threat, ThreatSettings, Watcher
+from odm.execution.threat import (
+    CloudThreat,
+    PartlyCalm,
+    Threat,
+    ThreatSettings,
+    Watcher,
+)
 from roadmap.errors import BadInput
 from roadmap.motion.motion import time_path
 
@@ -440,6 +446,22 @@ def test_some_of_the_parts_grow_as_they_did_among_all():
     for these in ([1], slice(1, 2)):
         (alone,) = threat.of(these).between(0.1, 0.1)[0].capsules
         assert alone == pytest.approx(threat.between(0.1, 0.1)[0].capsules[1])
+
+
+def test_of_who_is_partly_calm_some_speed_up_no_harder_and_all_are_told():
+    two = BALL.repeat(2, axis=0), RESTS.repeat(2, axis=0), np.zeros(2)
+    threat = Threat(*two, 0.0, ThreatSettings())
+    whole, calm = growth(threat, 0.0, 0.3), growth(threat.as_so_far(), 0.0, 0.3)
+    assert (calm < whole).all()
+    these = np.arange(len(whole)) == 0
+    partly = PartlyCalm(threat, these)
+    there, more = partly.between(0.0, 0.3)
+    grown = there.capsules[:, 6] + more - threat.capsules[:, 6]
+    assert np.array_equal(grown, np.where(these, calm, whole))
+    assert (partly.fastest, partly.strays(0.3)) == (
+        threat.fastest,
+        threat.strays(0.3),
+    )
 
 
 def rod(x, z=0.4):

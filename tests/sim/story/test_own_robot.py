@@ -15,8 +15,9 @@ import sim
 from handover.human.body import Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
-from odm.execution.stop_test import slowest_stop
+from odm.execution.stop_test import BrakingTest, slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.frame.carrying import Carrier
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, tool_pose
@@ -464,13 +465,14 @@ def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
     assert story.outcome == "handed over"
 
 
-def receive(maps, held_at, seconds=14.0, tug=0.0, before=0.1, **settings):
+def receive(maps, held_at, seconds=14.0, tug=0.0, before=0.1, aside=0.0, **settings):
     """Run a receive; `held_at(story)`: whether closed fingers hold the object."""
     index = maps[2]
     off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
     node = int(off.argmin())
     story, human = story_of(maps, "receive", node=node, before=before, **settings)
     T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
+    T_object[:3, 3] += aside * index.T_base_tool[node][:3, 1]
 
     def look(story, now, opened, closed):
         holds = closed and held_at(story)
@@ -492,6 +494,67 @@ def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
     story, states = receive(maps, lambda story: True, before=0.0)
     assert states == ["close", "retreat", "put_down", "kept"]
     assert story.outcome == "handed over" and story.events[0].signal == "between"
+
+
+@pytest.fixture
+def narrow(monkeypatch):
+    """Let the maps have room for an object nowhere but where a wrench is held."""
+    fitting, at = Carrier.fitting, handover.wrench().T_tool_object[:3, 3] + [0, 0, 0.05]
+
+    def within(carrier, thing, T):
+        if np.abs(T[:3, 3] - at).max() > 0.005:
+            raise BadInput("the object needs 0.08 m, and the envelope has 0.07 m")
+        return fitting(carrier, thing, T)
+
+    monkeypatch.setattr(Carrier, "fitting", within)
+    return at
+
+
+def test_what_the_map_has_no_room_for_is_not_closed_on(maps, narrow):
+    """`update` raised, with the fingers closed on what a person held."""
+    for aside, states in ((0.004, ["close"]), (0.008, ["wait", "close"])):
+        story, told = receive(maps, lambda story: True, before=0.0, aside=aside)
+        assert told[: len(states)] == states and story.outcome == "handed over"
+        assert np.abs(story._T_tool_object[:3, 3] - narrow).max() <= 0.005
+
+
+def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_frame(
+    maps, narrow
+):
+    narrow[2] += 0.02
+    with pytest.raises(BadInput, match="the object needs 0.08 m"):
+        story_of(maps, "receive")
+
+
+def test_a_planner_that_could_hold_nothing_is_refused_before_the_first_frame(maps):
+    """`update` raised, with the fingers closed on the object."""
+    story, _ = story_of(maps, "receive")
+    told = story.targets, story.executor, sim.StorySettings(direction="receive")
+    story.planner.attach(np.array([[0.0, 0.0, 0.1, 0.02]]))
+    with pytest.raises(BadInput, match="holds 1 spheres, .*call planner.detach"):
+        sim.Handover(story.planner, *told)
+    idle = odm.PlannerSettings(finger_pads=("flange",), search=0)
+    planner = odm.ReactivePlanner(maps[0], settings=idle)
+    with pytest.raises(BadInput, match="search is 0 .*set search to 1000"):
+        sim.Handover(planner, *told)
+
+
+def test_beside_who_may_hurry_the_tests_of_a_stop_know_everybody(maps, monkeypatch):
+    """Of those who are not left alone, `PhasePlanner` could not tell who is who."""
+    told, leg = [], sim.PhasePlanner.blocked_leg
+
+    def asked(view, path, extra=0.0, points=None):
+        told.append((len(points), len(view.classes)))
+        return leg(view, path, extra, points)
+
+    def first(test, motion, t, begin, stop, threat):
+        return np.arange(len(threat.error)) == 0
+
+    monkeypatch.setattr(sim.PhasePlanner, "blocked_leg", asked)
+    monkeypatch.setattr(BrakingTest, "left_behind", first)
+    story, _ = receive(maps, lambda story: True, 1.0, threat=ThreatSettings())
+    assert not story.executor.quick
+    assert told and all(n % k == 0 for n, k in told)
 
 
 def test_it_waits_before_an_object_with_room_to_spare(maps):
