@@ -21,7 +21,8 @@ class RobotSpheres:
     """The moving links of a robot as spheres.
 
     Args:
-        robot: The robot that is in the way of another one.
+        robot: The robot that is in the way of another one. While it holds something
+            give its planner's `static.robot`, which has the spheres of that, too.
 
     Attributes:
         radii: (n,) radii of the spheres [m].

@@ -8,9 +8,10 @@ from small import HOME, NOBODY, draw_arm, draw_valid
 
 import odm
 from odm.audit.exact import ExactRobot, obstacles_of
+from odm.execution.robot_spheres import RobotSpheres
 from odm.obstacles.shapes import Capsule
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, tool_pose
 
 STICK = odm.Cylinder(0.03, 0.3)
 
@@ -128,3 +129,15 @@ def test_the_scene_holds_for_what_is_held(small_map):
     planner.attach(BALLS)
     planner.detach()
     assert np.array_equal(planner.memory.graph.closed, closed)
+
+
+def test_as_an_obstacle_of_another_robot_it_has_what_it_holds(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    q, bare = small_map.roadmap.nodes[0], RobotSpheres(planner.static.robot)
+    planner.attach(BALLS)
+    spheres = RobotSpheres(planner.static.robot)
+    assert len(spheres) == len(bare) + len(BALLS)
+    held = BALLS[:, :3] @ tool_pose(planner.robot, q)[:3, :3].T
+    held += tool_pose(planner.robot, q)[:3, 3]
+    gaps = np.linalg.norm(spheres.at(q)[:, None, :3] - held, axis=2)
+    assert np.allclose(gaps.min(axis=0), 0.0, atol=1e-9)
