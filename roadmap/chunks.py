@@ -118,11 +118,7 @@ class ChunkStore:
         return unpacked(data[_DIGEST:])
 
     def put(self, name: str, arrays: Arrays) -> None:
-        """Store a chunk.
-
-        Raises:
-            BuildRefused: The disk is full, or may not be written.
-        """
+        """Store a chunk; BuildRefused where the disk is full or may not be written."""
         data = packed(arrays)
         try:
             with self._lock:
@@ -229,15 +225,9 @@ def chunk_name(key: str, chunk: Chunk) -> str:
 
 
 def do_chunk(job: Job, key: str, chunk: Chunk) -> Arrays:
-    """Do a chunk here.
+    """Do a chunk here; ChunkFailed names the item that raised.
 
-    Args:
-        job: The job.
-        key: Its key; `made` is kept under it.
-        chunk: The chunk.
-
-    Raises:
-        ChunkFailed: An item raised; it is named.
+    What the job makes first is kept under its `key`.
     """
     made = _made(job, key)
     function = _named(job.function)

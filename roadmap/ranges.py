@@ -51,11 +51,7 @@ def check_number(
 def check_rpy(
     where: str, rpy: Iterable[float], error: type[BadInput] = BadInput
 ) -> None:
-    """Refuse roll, pitch and yaw beyond a whole turn [rad]: a person wrote degrees.
-
-    Raises:
-        BadInput: Or `error`; names the angles, says that they look like degrees.
-    """
+    """Refuse roll, pitch and yaw beyond a whole turn [rad]: a person wrote degrees."""
     angles = [float(angle) for angle in rpy]
     if max(map(abs, angles)) > 2.0 * math.pi:
         raise error(
@@ -67,11 +63,7 @@ def check_rpy(
 def check_kind(
     name: str, value: object, kinds: type | tuple[type, ...], remedy: str
 ) -> None:
-    """Refuse a value of another class, such as a path where a map is wanted.
-
-    Raises:
-        BadInput: Names what was given, and the remedy.
-    """
+    """Refuse a value of another class, such as a path for a map, with the remedy."""
     if not isinstance(value, kinds):
         shown = repr(value)
         shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
@@ -83,15 +75,9 @@ def check_settings(
     ranges: Mapping[str, tuple[float, float, str]],
     whole: tuple[str, ...] = (),
 ) -> None:
-    """Check numbers of a frozen settings object.
+    """Check numbers of a frozen settings object: `ranges` are (least, largest, unit).
 
-    Args:
-        settings: The object.
-        ranges: Least and largest value of each field, and its unit.
-        whole: Fields that are counts.
-
-    Raises:
-        BadInput: A field holds anything else; names it, its value and its limits.
+    `whole` names the fields that are counts; a sentence names field, value and limits.
     """
     for field, (low, high, unit) in ranges.items():
         value = getattr(settings, field)

@@ -84,11 +84,7 @@ def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
 
 @contextmanager
 def made_of(path: str | Path) -> Iterator[None]:
-    """Make one sentence of what goes wrong when a manifest becomes a map.
-
-    Raises:
-        BadMap: The manifest lacks something, or holds it in a wrong form.
-    """
+    """Make one sentence of what goes wrong when a manifest becomes a map."""
     try:
         yield
     except PlanningError:

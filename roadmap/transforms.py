@@ -66,12 +66,9 @@ def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
-    """Return the (4, 4) motion that a joint of a URDF makes [m].
+    """Return the (4, 4) motion [m] that a URDF's joint of a `kind` makes at `value`.
 
-    Args:
-        kind: "prismatic", "revolute", "continuous" or "fixed".
-        axis: (3,) of length 1, in the joint's frame.
-        value: Of the joint [rad or m]; nothing to a fixed one.
+    `axis` (3,) has length 1, in the joint's frame; a fixed joint takes no value.
     """
     T = np.eye(4)
     if kind == "prismatic":
@@ -82,11 +79,7 @@ def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
 
 
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
-    """Return `pose` as float (4, 4).
-
-    Raises:
-        BadInput: Wrong shape, not finite, or not a rigid motion.
-    """
+    """Return a rigid `pose` as float (4, 4); refuse anything else by its name."""
     try:
         pose = np.asarray(pose, float)
     except (TypeError, ValueError) as error:

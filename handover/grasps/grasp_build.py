@@ -193,11 +193,7 @@ def _above(
 def _first_that_holds(
     work: _Work, point: np.ndarray, normal: np.ndarray, R: np.ndarray, gaps: np.ndarray
 ) -> tuple[_Grasp | None, int, str]:
-    """Try palms at gaps along the normal until a preshape holds.
-
-    Returns:
-        (grasp or None, index of its gap, why none holds).
-    """
+    """Return (grasp or None, index of its gap, why none holds), palm by palm."""
     settings, hand = work.settings, work.hand
     why, T = "the hand is in the object or touches nothing", np.eye(4)
     T[:3, :3] = R

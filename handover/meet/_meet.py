@@ -306,15 +306,7 @@ def candidate_of(cells, e, g):
 
 @njit(**BARE)
 def describe(scene, entries, grasps, scratch, out):
-    """Solve entries once more and write what a user wants to know of them.
-
-    Args:
-        scene: Person, hands and cells.
-        entries: (n,) entries.
-        grasps: (n,) the grasp of each.
-        scratch: Working memory.
-        out: `Described`, written.
-    """
+    """Solve entries (n,) once more and write what a user wants to know of them."""
     person, hands, cells = scene
     numbers = out.numbers
     state, rods, settings = person.state, person.rods, person.settings

@@ -29,13 +29,7 @@ GRIP_WORK, SOLVED_WORK = 0.1, 0.9  # in hundreds of compared bytes
 
 
 class Entries(NamedTuple):
-    """The robot's cells one by one.
-
-    Attributes:
-        keys: (n,) their numbers.
-        removed: (n,) whether they are out.
-        seen: (n,) scratch, all False.
-    """
+    """Numbers (n,) of the robot's cells, which are out, and scratch, all False."""
 
     keys: np.ndarray
     removed: np.ndarray

@@ -115,11 +115,7 @@ class Inside:
 def allowed(
     constraints: tuple[Constraint, ...], T_world_object: np.ndarray, obj: HeldObject
 ) -> np.ndarray:
-    """Return (n,) bool: which poses (n, 4, 4) every constraint allows.
-
-    Raises:
-        BadInput: A constraint that does not answer with (n,) bool.
-    """
+    """Return (n,) bool: which poses (n, 4, 4) every constraint allows."""
     keep = np.ones(len(T_world_object), bool)
     for constraint in constraints:
         answer = np.asarray(constraint.allows(T_world_object, obj))

@@ -68,11 +68,7 @@ class HeldObject:
 
 
 def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:
-    """Return grasps T_object_hand as (n, 4, 4), read-only.
-
-    Raises:
-        BadInput: None at all, another shape, not finite or not rigid.
-    """
+    """Return grasps T_object_hand as (n, 4, 4), rigid, at least one, read-only."""
     grasps = np.asarray(grasps, float)
     if grasps.size == 0:
         raise BadInput(

@@ -94,11 +94,9 @@ class ArmState:
 
 @dataclass(frozen=True)
 class Quality:
-    """What one arm posture is worth.
+    """What a posture is worth: qualities by name, and q_online of eq. (4), in [0, 1].
 
-    Attributes:
-        parts: Name -> quality in [0, 1]; visibility is NaN where it is left out.
-        online: q_online of eq. (4), in [0, 1].
+    Visibility is NaN where it is left out.
     """
 
     parts: dict[str, float]

@@ -297,11 +297,7 @@ def _arm_only(source: str, arm: list[str]) -> list[str]:
 
 
 def limb_of(agent: Agent, side: str) -> Limb:
-    """Return an arm of an agent, with its hand; made once.
-
-    Raises:
-        BadInput: The agent has no such arm.
-    """
+    """Return an arm of an agent with its hand, made once; BadInput: no such arm."""
     if side not in agent.arms:
         raise BadInput(
             f"{agent.name} has no {side} arm; give one of {', '.join(agent.arms)}"

@@ -46,13 +46,7 @@ class Executed:
 
 
 class Grasper:
-    """An arm that grasps an object by the grasps of a set, wherever it is.
-
-    Args:
-        mover: The arm.
-        grasps: The set.
-        solve: How finely joints are looked for.
-    """
+    """An arm that grasps an object by the grasps of a set, wherever the object is."""
 
     def __init__(
         self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
@@ -113,11 +107,7 @@ class Grasper:
 
 
 class Looked:
-    """Grasps of an object at a pose, tested as they are asked for; see `Grasper.look`.
-
-    Attributes:
-        use: (k,) which grasps.
-    """
+    """Grasps `use` (k,) at a pose, tested as they are asked for; see `Grasper.look`."""
 
     def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
         """List the joints that reach each grasp."""

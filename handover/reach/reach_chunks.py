@@ -46,11 +46,7 @@ def empty_cells(n: int, dof: int) -> Cells:
 
 
 class Maker:
-    """What one worker fills chunks with; each of its threads has cells of its own.
-
-    Args:
-        spec: What is filled.
-    """
+    """What one worker fills chunks with; each of its threads has cells of its own."""
 
     def __init__(self, spec: ReachSpec) -> None:
         """Lay out the grid."""
@@ -107,14 +103,10 @@ def mark_chunk(
     rules: np.ndarray,
     *read: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Mark positions; return counts (4,), and what was written at them.
+    """Mark positions (k,), no two neighbours; return counts (4,), and what was written.
 
-    Args:
-        maker: Of the worker.
-        positions: (k,) no two of them neighbours.
-        around: (m,) these and all next to them.
-        rules: See `mark_positions`.
-        read: Cells of `around`, (m, n) or (m, n, dof) each.
+    `around` (m,) are these and all next to them, with their cells `read`; `rules` as in
+    `mark_positions`.
     """
     taken = maker.take()
     cells, build, queue = taken
@@ -136,14 +128,7 @@ def _rows(grid: ReachGrid, array: np.ndarray) -> np.ndarray:
 
 
 class ChunkCrew:
-    """Fills the cells of a map by chunks.
-
-    Args:
-        workers: Who does them.
-        spec: What is filled.
-        grid: Its grid.
-        cells: Its cells, filled here.
-    """
+    """Fills the cells of a map chunk by chunk, by `workers`."""
 
     def __init__(
         self, workers: Workers, spec: ReachSpec, grid: ReachGrid, cells: Cells

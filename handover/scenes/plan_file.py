@@ -120,11 +120,7 @@ def write_plan(path: str | Path, record: Mapping) -> Path:
 
 
 def read_plan(path: str | Path) -> dict:
-    """Return a plan's record from its JSON file.
-
-    Raises:
-        BadInput: No such file, no plan, or one that contradicts itself.
-    """
+    """Return the checked record of a plan from its JSON file."""
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"there is no plan {path}; make one with `odm handover plan`")
@@ -140,12 +136,7 @@ def read_plan(path: str | Path) -> dict:
 
 
 def check_record(record: Mapping) -> None:
-    """Refuse a record that is no plan.
-
-    Raises:
-        BadInput: Another format or version, times that do not grow, motions of one
-            agent that overlap or jump, a time without a hold.
-    """
+    """Refuse another format, a wrong order of times, overlaps and jumps."""
     told = isinstance(record, Mapping) and (record.get("format"), record.get("version"))
     if told != (FORMAT, VERSION):
         what = f"it says {told[0]!r}, {told[1]!r}" if told and told[0] else "other JSON"

@@ -134,11 +134,7 @@ class Verdict:
 
 
 class Judge:
-    """Judges answers of planners on one map.
-
-    Args:
-        cell_map: The map.
-    """
+    """Judges answers of planners on one map."""
 
     def __init__(self, cell_map: CellMap) -> None:
         """Make the planner that only ever sees one frame."""

@@ -50,12 +50,7 @@ QUIET = {"wait", "improve", "keep_goals", "tremble"}  # while the robot is being
 
 @dataclass(frozen=True)
 class Step:
-    """One frame of a sequence.
-
-    Attributes:
-        answer: What the planner said.
-        verdict: What was found about its legs; None where there was nothing to judge.
-    """
+    """One frame of a sequence: the answer, and what was found about its legs."""
 
     answer: Answer
     verdict: Verdict | None

@@ -113,10 +113,8 @@ def list_sources(content, now, ageing, sources):
 def dilate(bits, spare, words):
     """Grow a set of cells by one in all 26 directions.
 
-    Args:
-        bits: (nx, ny * words) uint64 cells, 64 along z in a word.
-        spare: The same shape; overwritten.
-        words: Words of a row along z.
+    `bits` (nx, ny * words) uint64 has 64 cells along z in a word; `spare` is
+    overwritten.
     """
     nx, n = bits.shape
     one, last = np.uint64(1), np.uint64(63)

@@ -163,11 +163,7 @@ def check_payload(payload: np.ndarray | None) -> np.ndarray:
 
 
 def covering_radius(cell_map: CellMap) -> float:
-    """Return half the diagonal of an eighth of a cell [m], if the map allows it.
-
-    Raises:
-        BadInput: It is larger than the map's rho.
-    """
+    """Return half the diagonal of an eighth of a cell [m]; at most the map's rho."""
     radius = float(np.sqrt(3.0) * cell_map.grid.h / 4.0) * (1.0 + 1e-9)
     rho = cell_map.safety.rho
     if radius > rho:

@@ -130,11 +130,8 @@ def _largest(robot: Robot, recipe: Recipe) -> Robot:
 def robot_of(recipe: Recipe) -> Robot:
     """Return the robot of a recipe, read from its URDF.
 
-    It keeps the source as the recipe writes it, so that a map is the same wherever
-    its recipe lies.
-
-    Raises:
-        BadRobot: The description or the choice of joints cannot be used.
+    It keeps the source as the recipe writes it, so that a map is the same wherever its
+    recipe lies.
     """
     asked = recipe.robot
     robot = load_robot(

@@ -93,11 +93,7 @@ class CellMap:
         return self
 
     def __reduce__(self) -> tuple:
-        """Pickle by folder and hash.
-
-        Raises:
-            BadInput: The map was not loaded, or was altered after that.
-        """
+        """Pickle by folder and hash; refused where the map was not loaded as it is."""
         if self._lies is None:
             raise BadInput(
                 "a map pickles by its folder, and this one was not loaded from any; "

@@ -135,13 +135,8 @@ def cells_of_item(
 def lists_of(arrays: dict[str, np.ndarray], n_blocks: int) -> CellLists:
     """Return the lists that a map's folder holds, packed or as maps were before.
 
-    Args:
-        arrays: By name, as `CellLists.arrays` gives them; or `EDGE_MAJOR`, alone or
-            with `BLOCK_MAJOR`.
-        n_blocks: Of the grid.
-
-    Raises:
-        KeyError: An array is missing.
+    `arrays` are by name, as `CellLists.arrays` gives them; or `EDGE_MAJOR`, alone or
+    with `BLOCK_MAJOR`. A KeyError names one that is missing.
     """
     if "start" in arrays or not arrays:
         return CellLists(*(arrays[name] for name in STORED), n_blocks)

@@ -99,8 +99,7 @@ def build_payload(
 ) -> PayloadLayer:
     """Sweep the envelope and find where it touches the arm or the scenery.
 
-    Raises:
-        BadRecipe: The envelope touches the robot or the scenery at every node.
+    BadRecipe where it touches one of them at every node.
     """
     spheres = envelope_spheres(recipe)
     loaded = with_payload(robot, spheres, shell(envelope_solid(recipe.payload)), [])
@@ -214,11 +213,7 @@ def carried_object(thing: object) -> CarriedObject:
 
 
 def require_fit(recipe: PayloadRecipe, thing: CarriedObject) -> None:
-    """Refuse an object, in the tool frame, that the envelope does not contain.
-
-    Raises:
-        BadInput: Names both sizes.
-    """
+    """Refuse an object, in the tool frame, that the envelope does not contain."""
     T = pose_of(recipe.position, recipe.rpy)
     if thing.exact:
         points, radii = thing.spheres[:, :3], thing.spheres[:, 3]

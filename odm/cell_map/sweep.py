@@ -69,11 +69,8 @@ def swept_by(
 ) -> sweep.Swept:
     """Return what compiled sweeps take.
 
-    Args:
-        arm: The robot.
-        radii: (n,) of its spheres, grown [m].
-        tolerance: Largest inflation of a piece of a motion [m].
-        grid: Where.
+    `radii` (n,) are of the arm's spheres, grown [m]; no piece of a motion is inflated
+    by more than `tolerance` [m].
     """
     return sweep.Swept(
         arm, radii, tolerance, sweep.Grid(grid.origin, grid.h, grid.blocks)

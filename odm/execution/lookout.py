@@ -19,11 +19,7 @@ from roadmap.motion.motion import Motion
 class SeparationWatch:
     """Follows from frame to frame how near the points are to the robot.
 
-    Args:
-        planner: Asked with `separation`.
-
-    Attributes:
-        last: The separation that was measured last [m]; infinite where none was.
+    `last` is the separation that was measured last [m]; infinite where none was.
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401

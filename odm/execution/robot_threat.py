@@ -25,12 +25,7 @@ from roadmap.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """What a robot may do next: a motion from one time on it to another.
-
-    Attributes:
-        motion: The motion.
-        begin, end: Times on it [s].
-    """
+    """What a robot may do next: a motion from time `begin` on it to `end` [s]."""
 
     motion: Motion
     begin: float
@@ -41,11 +36,7 @@ Intent = tuple[Stretch, ...]
 
 
 def intent_of(executor: Executor) -> Intent:
-    """Return all that an executor may still do without another test.
-
-    Args:
-        executor: In a frame in which it was updated, or before its first one.
-    """
+    """Return all that an executor may still do without another test."""
     motion, t = executor.motion, executor.t
     held = executor.held
     if held is None or held is motion:

@@ -30,12 +30,10 @@ class HeldOut(Protocol):
     def blocked_leg(
         self, path: np.ndarray, extra: float, points: Obstacles
     ) -> int | None:
-        """Return the first leg of a path that what is held out blocks; None: none.
+        """Return the first leg of a path (k, dof) that what is held out blocks.
 
-        Args:
-            path: (k, dof) its corners [rad or m].
-            extra: Distance that is kept beyond the clearance [m].
-            points: What is held out, and nobody, at any number of moments.
+        None: there is none. It keeps `extra` [m] beyond the clearance; `points` are
+        what is held out, and nobody, at any number of moments.
         """
 
 
@@ -152,10 +150,7 @@ class BrakingTest:
 def stop_time(robot: Robot, speed_scale: float, period: float) -> float:
     """Return how long the longest of the joints' stops takes [s].
 
-    Args:
-        robot: The robot.
-        speed_scale: Share of the joints' speed limits at which it begins.
-        period: Time between frames [s].
+    From `speed_scale` of the joints' limits, after one more period.
     """
     speed = speed_scale * robot.max_velocity
     a, jerk = robot.max_acceleration, robot.max_jerk

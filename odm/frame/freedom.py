@@ -11,13 +11,7 @@ from roadmap.errors import BadConfiguration
 
 
 def check_valid(static: StaticTest, q: np.ndarray, name: str) -> None:
-    """Raise BadConfiguration where q can never be a goal in this place.
-
-    Args:
-        static: What never moves: `planner.static`.
-        q: (dof,) [rad or m].
-        name: What the message calls it.
-    """
+    """Raise BadConfiguration, by `name`, where q (dof,) can never be a goal."""
     if not np.isfinite(q).all():
         raise BadConfiguration(f"{name} holds NaN or infinity: {q}; give numbers")
     trouble = outside_limits(static.robot, q, 0.0)

@@ -212,12 +212,9 @@ def write_rod(flat, radius, length, plan, rho, points, start):
 
 @njit(**FULL)
 def sample_rods(flat, rods, spacing):
-    """Return points on capsules (flat=False) or cylinders (flat=True), (n, 3).
+    """Return points (n, 3) on capsules, or on `flat`-ended cylinders, (k, 7).
 
-    Args:
-        flat: True where the ends are discs, False where they are hemispheres.
-        rods: (k, 7) ends a and b and radius [m].
-        spacing: Bound on the covering radius [m].
+    Their covering radius is at most `spacing` [m].
     """
     rho = spacing * SHRINK
     plans = np.empty((rods.shape[0], 3), np.int64)

@@ -19,11 +19,9 @@ from roadmap.errors import BadInput
 
 
 def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
-    """Sample a box so that every face, edge and corner is covered within itself.
+    """Sample a box so that points on each face, edge and corner cover it by themselves.
 
-    Args:
-        box: The box.
-        spacing: Bound on the covering radius [m].
+    No place is farther than `spacing` [m] from one.
     """
     if not isinstance(box, solid.Box):
         raise BadInput(f"{box!r} is no Box; sample other shapes with surface_of")

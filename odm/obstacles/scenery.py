@@ -52,11 +52,7 @@ class Scenery:
     faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 13)))
 
     def __post_init__(self) -> None:
-        """Freeze the arrays; refuse numbers that block nothing.
-
-        Raises:
-            BadRecipe: A number that is not finite, or arrays of the wrong shape.
-        """
+        """Freeze the arrays; refuse numbers that are not finite: they block nothing."""
         object.__setattr__(self, "solids", frozen(self.solids, np.float64))
         object.__setattr__(self, "points", frozen(self.points, np.float64))
         object.__setattr__(self, "faces", frozen(self.faces, np.float64))

@@ -327,12 +327,10 @@ class Attacher:
         return swept + (self.attach_more(most - swept) if most > swept else 0)
 
     def attach_more(self, most: int) -> int:
-        """Join the start and the goals, best first, by more motions, `most` in all.
+        """Join start and goals by more motions, `most` in all; return the nodes tried.
 
-        A goal that is set, and a start that is new, have only a few at once.
-
-        Returns:
-            How many nodes were tried.
+        A goal that is set, and a start that is new, have only a few at once; the best
+        goals come first.
         """
         self.tidy()
         m, left = self.frame.memory, most

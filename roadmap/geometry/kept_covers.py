@@ -27,11 +27,7 @@ _HASH_BYTES = 32
 
 
 def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
-    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m].
-
-    Raises:
-        BadRobot: See there.
-    """
+    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m]."""
     folder = cache_folder()
     if folder is None or not solids:
         return cover_solids(solids, excess)

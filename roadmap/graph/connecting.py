@@ -47,11 +47,7 @@ class RoadmapSettings:
     region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
-        """Check every value but the sampler's name, which `draw` knows.
-
-        Raises:
-            BadInput: One out of range.
-        """
+        """Check every value but the sampler's name, which `draw` knows."""
         whole = {"nodes": (2, 10_000_000), "neighbors": (1, 500), "seed": (0, 2**63)}
         for name, (low, high) in whole.items():
             value = getattr(self, name)

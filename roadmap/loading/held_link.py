@@ -90,12 +90,7 @@ def hanging_on(robot: Robot, body: int) -> set[int]:
 
 
 def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
-    """Return the self-collision model of a robot with a payload, quickly.
-
-    Args:
-        bare: Model of the same robot without its payload.
-        loaded: What `with_payload` made of it.
-    """
+    """Return the self-collision model of `loaded` from that of the bare."""
     known = bare.model
     new, n = len(loaded.shell_link) - 1, len(loaded.link_names) - 1
     tested = {int(a) for a, b in loaded.self_pairs if b == n}

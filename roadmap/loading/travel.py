@@ -32,12 +32,7 @@ _OCTAHEDRON = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])  # holds a 
 
 
 def check_travel(description: Description, tree: BodyTree, name: str) -> None:
-    """Refuse a joint that cannot travel.
-
-    Raises:
-        BadRobot: There is no such joint, it is one that moves, follows another or has
-            no two limits.
-    """
+    """Refuse the travel of a joint that moves, follows, or lacks two limits."""
     joint = description.joints.get(name)
     movable = [j.name for j in description.joints.values() if j.kind in MOVABLE]
     if joint is None or joint.kind not in MOVABLE:
@@ -62,11 +57,7 @@ def check_travel(description: Description, tree: BodyTree, name: str) -> None:
 def check_width(
     links: Mapping[str, Carried], radii: Mapping[str, float], tip: str
 ) -> None:
-    """Refuse a travel of the tip, and one too wide for hulls.
-
-    Raises:
-        BadRobot: The tip would travel, or a link hangs on too many joints.
-    """
+    """Refuse a travel that would carry the tip, or a link on too many joints."""
     if tip in links:
         raise BadRobot(
             f"the tip {tip!r} would travel with {' and '.join(links[tip].drivers)}; "
@@ -100,11 +91,7 @@ def swept_solids(
 ) -> list[Solid]:
     """Put hulls over the whole travel in the place of the solids that travel.
 
-    Args:
-        solids: Of all links, body frames.
-        owners: The links they belong to.
-        tree: The bodies, as the solids were placed.
-        links: From `carried_links`.
+    `solids` are in body frames, `owners` their links, `links` from `carried_links`.
     """
     result = []
     for solid in solids:

@@ -51,12 +51,9 @@ def _in_packages(rest: str, folder: Path, package_dirs: tuple) -> list[Path]:
 
 
 def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray:
-    """Return the scaled vertices of a mesh file, (n, 3) [m], all parts together.
+    """Return the scaled vertices (n, 3) of all parts of a mesh file [m].
 
     A COLLADA file's unit is applied, its up axis is not: ROS reads them that way.
-
-    Raises:
-        BadRobot: The file cannot be read or holds no triangles.
     """
     try:
         points = _load(path)

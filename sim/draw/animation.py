@@ -135,10 +135,7 @@ def _bodies(
 def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
     """Return (n, 3) places of the tool along a path (k, dof) [m]; empty without legs.
 
-    Args:
-        robot: The robot.
-        path: Its corners [rad or m].
-        step: Largest move of a joint between two places, of legs of up to 200 [rad].
+    No joint moves by more than `step` [rad] between two places, of legs of up to 200.
     """
     if len(path) < 2:
         return np.zeros((0, 3))

@@ -103,17 +103,7 @@ def arm_cut(
 
 
 def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> Path:
-    """Draw dexterity, effort and both in the cuts, one row for each cut.
-
-    Args:
-        human: The person.
-        side: Which arm the cuts are of.
-        cuts: At least one.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw dexterity, effort and both as a PNG, one row for each cut."""
     body = Silhouette(human.capsules_of("mean"))
     limits = [_limits(cut, body) for cut in cuts]
     wide = min(x[0] for x, _ in limits), max(x[1] for x, _ in limits)

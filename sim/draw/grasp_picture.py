@@ -24,15 +24,7 @@ _SECTIONS = 12  # facets of a round link
 
 
 def write_grasp_plot(grasps: GraspSet, path: str | Path) -> Path:
-    """Draw where the palms are, by quality, and five closed hands from good to bad.
-
-    Args:
-        grasps: The set.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw where the palms are, by quality, and five closed hands: a PNG."""
     figure = new_figure(
         13.0,
         8.6,

@@ -36,15 +36,7 @@ _BEFORE = 0.30  # [m] the cut from the front lies this far before the shoulder
 
 
 def write_human_picture(human: Human, path: str | Path) -> Path:
-    """Draw the person's capsules, cuts through the right hand's reach, the ranges.
-
-    Args:
-        human: The person; seen along the world's y and x axes.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw the capsules, cuts through the right hand's reach, ranges: a PNG."""
     figure = new_figure(
         13.0,
         6.4,

@@ -83,12 +83,7 @@ def find_meeting(
 ) -> Meeting:
     """Return the best k targets of a workspace and the robot's joints there.
 
-    Args:
-        meet: With robot and person where they are.
-        robot: The robot of its reach map.
-        distance: See `Meeting`.
-        k: How many targets are told.
-        human_reach: What the workspace was given.
+    `human_reach` is what the workspace was given; `distance` as in `Meeting`.
     """
     best = meet.best(max(k, TRIES))
     T_base_world = np.linalg.inv(meet.settings.T_world_base)

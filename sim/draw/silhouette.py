@@ -34,10 +34,7 @@ class Silhouette:
     def distance(self, plane: tuple[int, int], x: np.ndarray, y: np.ndarray):
         """Return how far places are outside of the outline (negative: inside) [m].
 
-        Args:
-            plane: The two axes seen, across and up.
-            x: Places across, of any shape [m].
-            y: Places up, of the same shape [m].
+        `x` and `y` are their coordinates across and up, of one shape [m].
         """
         at = np.stack([x, y], axis=-1)
         nearest = np.full(at.shape[:-1], np.inf)

@@ -62,13 +62,8 @@ def add_shaded(
 ) -> np.ndarray:
     """Draw triangles as one collection, so that nearer ones hide farther ones.
 
-    Args:
-        axis: Of matplotlib, in three dimensions; it is left without its box.
-        parts: (n, 3, 3) triangles [m] and their colour.
-        zoom: How large they are drawn.
-
-    Returns:
-        (n, 3, 3) all triangles.
+    `parts` are (n, 3, 3) triangles [m] and their colour, all of which are returned. The
+    three-dimensional axis is left without its box.
     """
     from matplotlib.colors import to_rgb
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection

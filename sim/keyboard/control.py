@@ -79,11 +79,7 @@ class ArmLimits:
 
     @classmethod
     def of(cls, person: Person) -> "ArmLimits":
-        """Return the limits of a person: a box about the place, ranges of the joints.
-
-        Raises:
-            BadInput: The speed limit is not positive.
-        """
+        """Return the limits of a person: a box about the place, joint ranges."""
         speed = MAX_SPEED if person.max_speed is None else person.max_speed
         if not 0 < speed < np.inf:
             raise BadInput(

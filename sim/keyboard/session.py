@@ -120,11 +120,7 @@ class Session:
         self._drawn = -1e9
 
     def run(self, keys: Keys, screen: Screen) -> str:
-        """Run to the end; the terminal is given back however that comes.
-
-        Returns:
-            Why it ended.
-        """
+        """Run to the end and return why it ended; the terminal is given back always."""
         with Signals() as signals:
             while self._some(keys, screen, signals):
                 signals.suspend()  # only now is the terminal the shell's again

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 def take_ball(planner: "ReactivePlanner", radius: float | None) -> Robot:
     """Attach a ball at the middle of the map's envelope; return the robot with it.
 
-    Args:
-        planner: Of a map with a payload layer.
-        radius: Of the ball [m]; None: nothing is attached.
-
-    Raises:
-        BadInput: The map has no payload layer, or the ball does not fit.
+    Its radius is in metres; None: nothing is attached.
     """
     if radius is None:
         return planner.robot

@@ -349,13 +349,10 @@ def run_loop(
     on_frame: Callable[[Frame], None] | None = None,
     pushed: PushSettings | None = None,
 ) -> RunResult:
-    """Run the loop for its whole duration; the arguments are those of `Loop`.
+    """Run the loop for its whole duration, with the arguments of `Loop`; return all.
 
-    `on_frame` is called after every frame, for a picture or a progress bar.
-
-    Returns:
-        Every frame and the figures; the same input gives the same result but for
-        the clock's figures.
+    `on_frame` is called after every frame, for a picture or a progress bar. The same
+    input gives the same result but for the clock's figures.
     """
     loop = Loop(planner, robot, places, motion, settings, pushed)
     return run_frames(loop, on_frame)

@@ -138,10 +138,9 @@ class RunResult:
         return int(d.argmin()) if len(d) and np.isfinite(d.min()) else None
 
     def misses(self, clock: str = "wall") -> np.ndarray:
-        """Return the frames whose step and improving outlasted the period.
+        """Return the frames whose step and improving took longer than the period.
 
-        Args:
-            clock: "wall" or "cpu".
+        By the "wall" or the "cpu" clock.
         """
         return np.flatnonzero(self._busy(clock) > 1.0 / self.rate_hz)
 
@@ -253,11 +252,8 @@ def holds_of(
 ) -> tuple[Hold, ...]:
     """Return the stretches of frames without a path.
 
-    Args:
-        status: (F,) index into `STATUS`.
-        joint_speed: (F,) fastest joint on the way to each frame [rad/s or m/s].
-        reason: Frame -> the planner's sentence.
-        rate_hz: Frames per second.
+    `status` (F,) is an index into `STATUS`, `joint_speed` (F,) the fastest joint on the
+    way to each frame [rad/s or m/s], `reason` gives the planner's sentence of a frame.
     """
     held = np.asarray(status) == STATUS.index("holding")
     moved = np.r_[np.asarray(joint_speed)[1:] > 0, False]

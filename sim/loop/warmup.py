@@ -79,14 +79,10 @@ Progress = Callable[[str, int, int], None]
 
 
 def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
-    """Build a tiny map, store, load and use it in every way, in two processes.
+    """Compile all by building, storing and using a tiny map, in two processes.
 
-    Args:
-        progress: Called with (stage, done, total).
-        fine: Also compile for grids of more than 65535 blocks.
-
-    Returns:
-        Seconds it took, and how many kernels were compiled anew.
+    Returns the seconds it took, and how many kernels were compiled anew. `fine` is for
+    grids of more than 65535 blocks, too.
     """
     begun = time.perf_counter()
     sizes = (COARSE, FINE) if fine else (COARSE,)
@@ -107,9 +103,7 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
 class _Jobs:
     """What is compiled, job by job; whichever process comes first takes a job.
 
-    Args:
-        folder: Where the map is stored, and read again.
-        h: Cell size of the map [m].
+    The map of cells of side `h` [m] is stored in `folder`, and read again.
     """
 
     def __init__(self, folder: Path, h: float) -> None:

@@ -121,11 +121,7 @@ def _aside(
     is_free: IsFree,
     s: WorkPlaceSettings,
 ) -> np.ndarray:
-    """Return `q` and a node as far from it as asked: an arm that cannot go sideways.
-
-    Raises:
-        NoWorkPlaces: No free node is that far away.
-    """
+    """Return `q` and a node as far from it as asked: an arm that cannot go sideways."""
     wanted = _apart_asked(asked)
     away = np.array([_apart(robot, np.array([q, node])) for node in nodes])
     order = np.argsort(np.abs(away - wanted), kind="stable")[: s.candidates]

@@ -101,13 +101,7 @@ class LadderCase(StoryCase):
     def drawn_at(
         cls, seed: int, draw: int = 0, at: WorkPlace = BESIDE_PANDA
     ) -> "LadderCase":
-        """Return a case of a seed.
-
-        Args:
-            seed: Of the draws.
-            draw: Counts those that were not in reach.
-            at: Where the ladder can stand.
-        """
+        """Return the case number `draw` of a seed, by a ladder `at` a place."""
         rng = np.random.default_rng([seed, draw, 19])
         return cls(
             "give",
@@ -160,16 +154,7 @@ def wrench_of(size: float) -> HeldObject:
 
 
 def pads_at(robot: Robot, asked: Sequence[str], at: WorkPlace) -> tuple[str, ...]:
-    """Return the links that may touch a tool.
-
-    Args:
-        robot: The robot.
-        asked: By name; empty: those of the work place.
-        at: The work place.
-
-    Raises:
-        BadInput: There are none, or one that the tool does not carry.
-    """
+    """Return the links that may touch a tool: as asked, or the work place's."""
     own = gripper_links(robot)
     if not asked and not own.issuperset(at.pads):
         raise BadInput(

@@ -92,11 +92,7 @@ class PlannedReceiver:
 
 
 def motion_of(record: Mapping, who: str, name: str) -> Mapping:
-    """Return a motion of a plan's record.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
+    """Return a motion of a plan's record, of an agent, by name."""
     for motion in record["motions"]:
         if (motion["who"], motion["name"]) == (who, name):
             return motion

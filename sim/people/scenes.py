@@ -273,15 +273,10 @@ for _name in SCENES:
 def before_work_places(
     motion: HumanMotion, robot: Robot, places: np.ndarray
 ) -> HumanMotion:
-    """Return a scripted motion with the person moved along with the work places.
+    """Return a motion with the person moved along with the work places (n, dof).
 
-    A scene is staged before them. Other motions (recorded ones,
-    keys) stand where they were told to.
-
-    Args:
-        motion: The person.
-        robot: The robot.
-        places: (n, dof) its work places.
+    A scene is staged before them. Other motions, such as recorded ones and keys, stand
+    where they were told to.
     """
     if isinstance(motion, Scene):
         return motion.before(robot, places)

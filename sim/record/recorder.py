@@ -38,11 +38,7 @@ _ROWS = 512  # of one block
 
 
 class Column:
-    """One value of every frame, as arrays of one type.
-
-    Args:
-        dtype: Type of the numbers.
-    """
+    """One value of every frame, as arrays of one type."""
 
     def __init__(self, dtype: type) -> None:
         """Hold nothing yet."""
@@ -171,11 +167,7 @@ class Recorder:
         self._held += 1
 
     def record(self) -> RunRecord:
-        """Return what was taken so far.
-
-        Raises:
-            BadInput: There is no frame yet.
-        """
+        """Return what was taken so far, at least one frame."""
         n, loop = self.frames, self.loop
         if n == 0:
             raise BadInput("no frame was run, so there is nothing to record")
@@ -303,11 +295,7 @@ def versions() -> dict[str, str]:
 
 
 def check_recording_path(path: Path) -> None:
-    """Refuse a file that could not be written, before any work.
-
-    Raises:
-        BadInput: It does not end in .npz, is a folder, or its folder takes no file.
-    """
+    """Refuse a file that is no .npz or could not be written, before any work."""
     if path.suffix != ".npz":
         raise BadInput(f"the recording {path} does not end in .npz; name it RUN.npz")
     if path.is_dir():

@@ -93,11 +93,7 @@ def run_pair(
 ) -> tuple[RunResult, RunResult]:
     """Return a run with a person, and the same one without.
 
-    Args:
-        planner: The planner; its path in use is forgotten first.
-        places: (n, dof) work places.
-        motion: The human motion; for a name, its seed is that of the settings.
-        settings: Rate, duration, seed.
+    The path in use is forgotten first; a motion's name is seeded by the settings.
     """
     if isinstance(motion, str):
         motion = make_motion(motion, settings.seed)

@@ -20,15 +20,9 @@ _COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
 def write_handover_film(
     scene: Scene | PlayedPlan, record: Mapping, path: str | Path
 ) -> Path:
-    """Write a GIF of a plan, evenly sampled over its duration.
+    """Write a GIF of a plan, evenly sampled over its duration, whole or not at all.
 
-    Args:
-        scene: The scene, or the plan's own file as it was read.
-        record: The plan, see `handover.scenes.plan_file`.
-        path: File to write, whole or not at all.
-
-    Returns:
-        The path written.
+    `scene` may be the plan's own file as it was read.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

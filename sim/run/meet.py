@@ -149,11 +149,7 @@ class MeetTask:
         self.verdicts: list[Verdict] = []
 
     def person(self) -> WholePerson | RecordedPerson:
-        """Return the whole person.
-
-        Raises:
-            BadInput: A wrong name or file, or a hand that it does not move.
-        """
+        """Return the whole person, checked."""
         asked = self.request
         if self.live is not None:
             near = float(np.mean(asked.distances))
@@ -177,11 +173,7 @@ class MeetTask:
         return person
 
     def open(self, tell: Progress) -> None:
-        """Load the maps; build the reach map if there is none and none was named.
-
-        Raises:
-            BadMap: A named reach map that is none, or another robot's.
-        """
+        """Load the maps; build the reach map if there is none and none was named."""
         self.cell_map = load_map(self.request.map_dir)
         robot = self.cell_map.robot
         reach = reach_map_of(robot, self.request.reach, tell)

@@ -46,11 +46,7 @@ PERSON = "person."  # what the arrays of the person begin with
 
 
 class TargetColumns:
-    """What is recorded beside a run to targets; see `sim.record.recorder.Beside`.
-
-    Args:
-        loop: The loop; not begun.
-    """
+    """What is recorded beside a run to targets; see `sim.record.recorder.Beside`."""
 
     format = TARGETS
 
@@ -102,11 +98,7 @@ class TargetColumns:
 
 
 class RecordedPartner(RecordedPerson):
-    """The whole person of a recording, frame by frame.
-
-    Args:
-        record: The recording.
-    """
+    """The whole person of a recording, frame by frame."""
 
     def __init__(self, record: RunRecord) -> None:
         """Read nothing yet."""
@@ -124,17 +116,7 @@ def targets_again(
     reach: ReachMap,
     progress: Progress | None = None,
 ) -> RunRecord:
-    """Run a recorded run to targets again, and return the recording of that.
-
-    Args:
-        record: The recording.
-        cell_map: Its map.
-        reach: Its reach map.
-        progress: Called with (stage, done, total).
-
-    Raises:
-        BadRecord: A map is another one, or a setting is unknown here.
-    """
+    """Run a recorded run to targets again, on its maps, and return the recording."""
     check_map(record, cell_map)
     told = record.head["targets"]
     if reach.hash != told["reach"]:

@@ -57,12 +57,7 @@ class Live(Protocol):
 class PlacesTask:
     """To and fro between two work places, perhaps with a ball in the hand.
 
-    Args:
-        request: What was asked for.
-        live: Who moves the person; None: a script or a recording.
-
-    Attributes:
-        cell_map: The map, once it was opened.
+    `live` moves the person; None: a script or a recording.
     """
 
     cell_map: CellMap
@@ -118,22 +113,14 @@ class PlacesTask:
 
 
 def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:
-    """Let the objects of a scene file stand around; None: no file.
-
-    Raises:
-        BadInput: The file cannot be read.
-    """
+    """Let the objects of a scene file stand around; None: no file."""
     if path is not None:
         planner.scene.load(path)
         planner.scene.test_waiting()
 
 
 def person_of(request: RunRequest) -> HumanMotion:
-    """Return the scripted or recorded motion of a request.
-
-    Raises:
-        BadInput: A wrong name or file.
-    """
+    """Return the scripted or recorded motion of a request."""
     if request.motion != "mocap":
         return make_motion(request.motion, request.seed)
     from sim.people.mocap import MocapSettings, load_mocap

@@ -41,11 +41,7 @@ class PlanTask:
     cell_map: CellMap
 
     def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        """Read the plan.
-
-        Raises:
-            BadInput: No such file, or no plan.
-        """
+        """Read the plan."""
         assert live is None and request.plan is not None
         self.request = request
         try:
@@ -158,11 +154,7 @@ class PlanTask:
 
 
 def check_giver(record: Mapping, robot: Robot) -> None:
-    """Refuse the map of another robot than a plan's giver.
-
-    Raises:
-        BadInput: Joints have other names, or the tool is elsewhere at the same joints.
-    """
+    """Refuse the map of a robot with other joints or another tool than the giver's."""
     giver = record["giver"]
     joints = {k: float(v) for k, v in giver["joints"].items()}
     trouble = ""

@@ -121,11 +121,7 @@ def watched(
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
-    """Return rate, duration and speeds; by default a recording is played once.
-
-    Raises:
-        BadInput: A value that makes no loop.
-    """
+    """Return rate, duration and speeds; by default a recording is played once."""
     seconds = request.seconds
     if seconds is None:
         seconds = getattr(person, "duration_s", DEMO.duration_s)

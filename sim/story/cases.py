@@ -454,15 +454,9 @@ def own_object(
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the links that may touch an object.
+    """Return the links that may touch an object, at least one that the tool carries.
 
-    Args:
-        robot: The robot.
-        names: Of the links; empty: those that the tool carries with "finger", "thumb"
-            or "pad" in their name, in small letters or capitals.
-
-    Raises:
-        BadInput: There are none, or one that the tool does not carry.
+    Without `names` those with "finger", "thumb" or "pad" in theirs.
     """
     own = sorted(gripper_links(robot))
     likely = (n for n in robot.link_names if any(word in n.lower() for word in _PADS))

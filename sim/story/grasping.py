@@ -149,11 +149,7 @@ def check_grasps(
     capsules: np.ndarray,
     nodes: np.ndarray,
 ) -> None:
-    """Refuse an object that a link is too near to; see `too_near`.
-
-    Raises:
-        BadInput: Some link is; it is named.
-    """
+    """Refuse an object that a link is too near to, by name; see `too_near`."""
     found = too_near(planner, grasps, capsules, nodes)
     if found is not None:
         raise BadInput(

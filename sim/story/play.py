@@ -381,13 +381,9 @@ class StoryPlay:
 def new_story(
     setup: StorySetup, settings: StorySettings, human: Human, fetch: bool = False
 ) -> Handover:
-    """Return a story whose robot stands at rest.
+    """Return a story whose robot stands at rest, with the person at the beginning.
 
-    Args:
-        setup: What all runs share.
-        settings: Of the story.
-        human: The person at the beginning.
-        fetch: Whether a giver first takes the object from its place.
+    `fetch`: a giver first takes the object from its place.
     """
     planner, give = setup.planner(), settings.direction == "give"
     if give and not fetch:

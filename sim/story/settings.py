@@ -303,11 +303,7 @@ class StorySettings:
         return cls(**(longer | settings))
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range, or a direction that is none.
-        """
+        """Check every value."""
         if self.direction not in DIRECTIONS:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"

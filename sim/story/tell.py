@@ -45,11 +45,7 @@ FILM = "handover.gif"
 
 
 class LivePerson(Protocol):
-    """A person whom a user moves while the story is played.
-
-    Attributes:
-        person: With `human(t)`.
-    """
+    """A person with `human(t)` whom a user moves while the story is played."""
 
     person: object
 
@@ -121,11 +117,7 @@ def tell_story(
 
 
 def check_object(request: DemoRequest) -> None:
-    """Refuse an object of the user's that is none, or no solid, before any map is made.
-
-    Raises:
-        BadInput: See `load_object`.
-    """
+    """Refuse an object of the user's that is no solid, before any map is made."""
     if request.object is not None:
         load_object(request.object, request.mass, request.scale or 1.0)
 
@@ -189,14 +181,7 @@ def _written(
 def filmed(
     record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None = None
 ) -> Path:
-    """Write a recorded story as a film, with the solids that stand around; return it.
-
-    Args:
-        record: The recording.
-        cell_map: The map it was played with.
-        path: File to write; its folder is made.
-        look: See `sim.story.film.write_story_film`.
-    """
+    """Write a recorded story as a film, with what stands around; return it."""
     still = all_triangles(shape for _, shape in cell_map.scenery.shapes())
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map)
@@ -246,11 +231,7 @@ def _run_of(
 
 
 def recorded_person(request: DemoRequest) -> RecordedPerson:
-    """Return the recorded person of a request.
-
-    Raises:
-        BadMocap: The recording or the mapping cannot be used.
-    """
+    """Return the recorded person of a request."""
     settings = MocapSettings(accept_defects=request.accept_defects)
     motion = load_mocap(request.file, mapping=request.mapping, settings=settings)
     return RecordedPerson(motion)

@@ -18,22 +18,15 @@ class Wrist(Protocol):
     """A sensor between arm and hand."""
 
     def wrench(self, T_base_tool: np.ndarray, mass: float, force: np.ndarray) -> object:
-        """Return (6,) force and torque, tool frame.
+        """Return (6,) force and torque, tool frame, of what hangs in the hand.
 
-        Args:
-            T_base_tool: (4, 4) of the tool [m].
-            mass: What hangs in the hand [kg].
-            force: (3,) on the object's middle, base frame [N].
+        `force` (3,) acts on the object's middle, base frame [N].
         """
         ...
 
 
 class PlainWrist:
-    """The forces added up: what is needed without a simulator.
-
-    Args:
-        obj: What may be in the hand.
-    """
+    """The forces added up: what is needed without a simulator."""
 
     def __init__(self, obj: HeldObject) -> None:
         """Take the object's place in the hand."""

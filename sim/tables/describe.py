@@ -28,10 +28,7 @@ def facts(
 ) -> dict:
     """Return everything `odm info` says about a map, as plain JSON data.
 
-    Args:
-        cell_map: The map.
-        tell: Called with (stage, done, total).
-        with_overhead: Measure the clearance overhead, too; else it is None.
+    The clearance overhead is measured `with_overhead`; else it is None.
     """
     tell = tell or (lambda *_: None)
     overhead = _overhead_facts(cell_map, tell) if with_overhead else None

@@ -132,11 +132,7 @@ def _check_number(word: str, value: float, limits: Limits) -> None:
 
 
 def check_choice(word: str, value: str, choices: list[str]) -> None:
-    """Refuse a word that is none of the choices, and name the nearest.
-
-    Raises:
-        Refused: It is none.
-    """
+    """Refuse a word that is none of the choices, and name the nearest."""
     if value in choices:
         return
     near = difflib.get_close_matches(value.lower(), choices, 1, 0.6)

@@ -17,11 +17,7 @@ _TICK_S = 0.25
 
 
 class Pulse:
-    """Says what a command does, from a thread of its own, until it is stopped.
-
-    Args:
-        command: Name of the command, such as "run".
-    """
+    """Says what a command does, from a thread of its own, until it is stopped."""
 
     def __init__(self, command: str) -> None:
         """Say nothing yet."""

@@ -67,12 +67,9 @@ def shown_state(moment: Moment, events: list[Event]) -> int:
 
 
 def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
-    """Return the separation and the latency of the last seconds as two strips.
+    """Return separation and latency of the last seconds before `now` [s] as two strips.
 
-    Args:
-        rows: (n, 5) as in `Moment`, by time.
-        now: The present moment [s].
-        latency: Whether latencies are known.
+    `rows` are (n, 5) as in `Moment`, by time; latencies may not be known.
     """
     recent = rows[(rows[:, TIME] > now - STRIP_S) & (rows[:, TIME] <= now + 1e-9)]
     gap = recent[np.isfinite(recent[:, GAP])]
@@ -143,11 +140,8 @@ def _strip(
 def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) -> str:
     """Return the whole run as a band of colours by state, with its events.
 
-    Args:
-        rows: (n, 5) as in `Moment`, by time.
-        events: What happened.
-        span: First and last moment [s].
-        now: The present moment [s].
+    `rows` are (n, 5) as in `Moment`, by time; `span` are the first and the last moment
+    [s].
     """
     width, height = 1000.0, 40.0
     begin, length = span[0], max(span[1] - span[0], 1e-6)

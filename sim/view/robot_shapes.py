@@ -44,10 +44,8 @@ def robot_parts(
 ) -> tuple[list[Part], str]:
     """Return the meshes of a robot, and a sentence about what was not found.
 
-    Args:
-        robot: The robot.
-        source: Its URDF or name, as in the recipe of its map.
-        locked: Joints that stand still, and where [rad or m].
+    `source` is its URDF or name, as in the recipe of its map; `locked` are joints that
+    stand still, and where [rad or m].
     """
     try:
         return drawn_parts(visual_parts(robot, source, locked or {})), ""

@@ -204,9 +204,7 @@ def z_up(place: np.ndarray, up: str) -> np.ndarray:
 def floor_height(joints: Joints, height: float) -> tuple[float, str]:
     """Return z of the floor in the recording [m], and how it was found.
 
-    Args:
-        joints: Places with z up [m].
-        height: Body height [m], used where there are no feet.
+    `height` is the body's [m], used where there are no feet.
     """
     feet = [joints[name] for name in FEET if name in joints]
     feet_z = np.concatenate([foot[:, 2] for foot in feet]) if feet else np.zeros(0)

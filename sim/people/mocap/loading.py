@@ -86,11 +86,7 @@ class MocapSettings:
 
 
 def read_tracks(path: str | Path) -> Tracks:
-    """Read a Vicon .csv or a .bvh, told apart by what is in it.
-
-    Raises:
-        BadMocap: The file is missing, empty, of another format, cut off or altered.
-    """
+    """Read a Vicon .csv or a .bvh, told apart by what is in it."""
     path = Path(path)
     text = read_text(path)
     first = text.lstrip().split("\n", 1)[0].strip()

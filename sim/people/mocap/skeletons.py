@@ -154,13 +154,9 @@ def joints_of(
 
 
 def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str]:
-    """Return the (F, 3) middle of the pelvis' markers, and their names.
+    """Return the (F, 3) middle of a Plug-in Gait pelvis' markers, and their names.
 
     Markers that are seen in less than half of the frames are left out.
-
-    Args:
-        tracks: A recording of Plug-in Gait markers.
-        names: Joint -> name in the recording: whose pelvis it is.
     """
     whose = {split(name)[0] for name in names.values()}
     found = {}
@@ -175,11 +171,7 @@ def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str
 
 
 def read_mapping(path: str | Path) -> dict[str, str]:
-    """Return joint -> name from a TOML file of lines like `right_hand = "rHand"`.
-
-    Raises:
-        BadMocap: The file is missing or no TOML.
-    """
+    """Return joint -> name from a TOML file of lines like `right_hand = "rHand"`."""
     path = Path(path)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -210,11 +202,7 @@ class Told:
 
 
 def told_by(mapping: str | Path | Mapping[str, object] | None) -> Told:
-    """Return what a mapping tells; one of `unit` and `up` alone names no joints.
-
-    Raises:
-        BadMocap: The mapping cannot be read, or the unit is neither name nor number.
-    """
+    """Return what a mapping tells; one of `unit` and `up` alone names no joints."""
     if mapping is None:
         return Told()
     label = "the mapping"
