@@ -29,6 +29,7 @@ from roadmap.errors import BuildRefused
 from roadmap.unfinished import put_file
 
 Arrays = tuple[np.ndarray, ...]
+Progress = Callable[[str, int, int], None]  # called with stage, done, total
 _PACKAGES = ("roadmap", "odm", "handover")  # whose text decides what chunks hold
 _DIGEST = 32  # bytes before what is stored
 _AHEAD = 4  # chunks handed out, for each worker, before the first is taken back

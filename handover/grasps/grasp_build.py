@@ -3,7 +3,6 @@
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 
@@ -23,11 +22,11 @@ from handover.grasps.holding import (
 )
 from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
 from roadmap.transforms import pose_of_flat
 
-Progress = Callable[[str, int, int], None]
 _RANGES = {
     "samples": (1, 5000, ""),
     "rolls": (1, 72, ""),

@@ -8,9 +8,9 @@ import numpy as np
 
 from handover.human import anthropometry as body
 from handover.human.anthropometry import ARM_RANGES
-from handover.human.body import ARM, JOINTS, BodySizes
+from handover.human.body import ARM, JOINTS, SIDES, BodySizes
 from handover.human.human import Human
-from handover.human.human_arm import MIRROR, SIDES, check_side
+from handover.human.human_arm import MIRROR, check_side
 from handover.human.skeleton import Skeleton
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, rotation_rpy

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from handover.meet.held_object import HeldObject
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
@@ -102,8 +102,7 @@ class Inside:
                 f"a box from {lower.tolist()} to {upper.tolist()} is none; give two "
                 "corners (3,), the lower one first"
             )
-        object.__setattr__(self, "lower", frozen(lower, np.float64))
-        object.__setattr__(self, "upper", frozen(upper, np.float64))
+        freeze(self, lower=float, upper=float)
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:  # noqa: ARG002
         """Return which poses have the origin in the box, or out of it."""

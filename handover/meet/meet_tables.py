@@ -6,8 +6,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from handover.human._arm_ik import WORK_ROWS
+from handover.human.body import SIDES
 from handover.human.human import Human
-from handover.human.human_arm import SIDES, Arm
+from handover.human.human_arm import Arm
 from handover.meet import _meet as kernels
 from handover.meet._meet_bounds import Bounds, fill_places
 from handover.meet._meet_search import Top

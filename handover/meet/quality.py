@@ -17,7 +17,7 @@ from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_joints
 from handover.meet import _quality as kernel
 from handover.meet.settings import PARTS, QualitySettings
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 
 
@@ -38,8 +38,7 @@ class ArmState:
     settings: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("state", "obstacles", "settings"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, state=float, obstacles=float, settings=float)
 
     @classmethod
     def of(

@@ -7,12 +7,13 @@ import numpy as np
 
 from handover.grasps._closing import clearance
 from handover.grasps.closing import Target, is_outside, target_of
-from handover.grasps.grasp_build import Progress, build_grasps
+from handover.grasps.grasp_build import build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput, BadMap
 
 FOLDER = Path("maps/built/grasps")

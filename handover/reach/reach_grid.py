@@ -8,7 +8,7 @@ from handover.chain import Chain
 from handover.reach import _reach_build as kernels
 from handover.reach.extremes import reachable_box
 from handover.reach.rotations import RotationGrid, rotation_grid
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 
 
@@ -33,7 +33,7 @@ class ReachGrid:
 
     def __post_init__(self) -> None:
         """Freeze the origin."""
-        object.__setattr__(self, "origin", frozen(self.origin, np.float64))
+        freeze(self, origin=float)
 
     @property
     def n_positions(self) -> int:

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from handover.reach import _rotations as kernels
-from roadmap.arrays import frozen, writable
+from roadmap.arrays import freeze, frozen, writable
 from roadmap.errors import BadInput
 
 # Cells of the family: 12 k^2 pixels for the tool's z axis, 6 k rolls about it.
@@ -35,11 +35,7 @@ class RotationGrid:
     pixel_frames: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("centers", np.float64),
-            ("pixel_frames", np.float64),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, centers=float, pixel_frames=float)
 
     @cached_property
     def neighbors(self) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Try to falsify a map: exact geometry against what the map calls free."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,6 +20,7 @@ from odm.audit.exact import Obstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
@@ -29,7 +29,6 @@ PARENTS, CHILDREN, GENERATIONS = 8, 5, 20
 N_WORST = 8  # cases of a report
 EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
 CAP = 0.1  # [m] larger separations are not resolved
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 from odm.cell_map import _packed as packed
 from odm.cell_map._sweep import ItemCells
 from odm.cell_map.estimate import free_memory
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BuildRefused
 
 _MOST_STEPS = 2**32 - 1
@@ -66,8 +66,7 @@ class CellLists:
 
     def __post_init__(self) -> None:
         """Freeze the arrays, keeping their types."""
-        for name, array in self.arrays().items():
-            object.__setattr__(self, name, frozen(array, array.dtype))
+        freeze(self, **{name: a.dtype for name, a in self.arrays().items()})
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""

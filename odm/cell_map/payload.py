@@ -9,13 +9,13 @@ from odm.cell_map.cell_map import CellMap, PayloadLayer
 from odm.cell_map.chunk_work import Standing, static_test
 from odm.cell_map.lists import packed_lists
 from odm.cell_map.recipe import PayloadRecipe, Recipe
-from odm.cell_map.sweep import Progress, sweep_roadmap
+from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.arm import arm_of
 from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
-from roadmap.arrays import frozen
-from roadmap.chunks import Workers
+from roadmap.arrays import freeze
+from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
@@ -173,8 +173,7 @@ class CarriedObject:
     exact: bool
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "spheres", frozen(self.spheres, np.float64))
-        object.__setattr__(self, "shell", frozen(self.shell, np.float64))
+        freeze(self, spheres=float, shell=float)
 
     def moved(self, T: np.ndarray) -> "CarriedObject":
         """Return it in another frame, T (4, 4)."""

@@ -11,7 +11,7 @@ from odm.obstacles.obstacles import hull_of, is_small_hull
 from odm.obstacles.scene_files import read_scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import surface_of
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import check_rpy, is_between
 from roadmap.transforms import pose_of
@@ -53,9 +53,7 @@ class Scenery:
 
     def __post_init__(self) -> None:
         """Freeze the arrays; refuse numbers that are not finite: they block nothing."""
-        object.__setattr__(self, "solids", frozen(self.solids, np.float64))
-        object.__setattr__(self, "points", frozen(self.points, np.float64))
-        object.__setattr__(self, "faces", frozen(self.faces, np.float64))
+        freeze(self, solids=float, points=float, faces=float)
         if self.solids.shape[1:] != (16,) or self.points.shape[1:] != (3,):
             raise BadRecipe(
                 f"scenery has solids {self.solids.shape} and points "

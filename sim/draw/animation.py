@@ -9,7 +9,7 @@ from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
 from sim.draw.style import FAINT, INK, TEAL
-from sim.draw.surroundings import balls_of
+from sim.draw.surroundings import balls_of, beads
 from sim.draw.viewpoint import clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
@@ -124,12 +124,8 @@ def _bodies(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return robot and person of a frame as balls (n, 4) [m]."""
     centers = sphere_centers(robot, result.q[frame])
-    person = [np.zeros((0, 4))]
-    for row in result.capsules[frame]:
-        s = np.linspace(0.0, 1.0, 16)[:, None]
-        beads = row[:3] + s * (row[3:6] - row[:3])
-        person.append(np.column_stack([beads, np.full(16, row[6])]))
-    return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)
+    own = np.column_stack([centers, robot.spheres[:, 3]])
+    return own, beads(result.capsules[frame])
 
 
 def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from sim.keyboard.bindings import HOME, LARGER, MOVES, SMALLER
 from sim.people.arm import HumanArm
@@ -57,8 +57,7 @@ class ArmState:
     size: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("x", "v", "target"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, x=float, v=float, target=float)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import CellMap, sample_capsules
 from odm.checks import outside_limits
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from sim.terminal.npz import TooLarge, array_of, read_members
 
@@ -41,11 +41,9 @@ class Recording:
     rounding: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        kinds = {"points": float, "offsets": np.int64, "q_start": float}
-        for name, kind in {**kinds, "q_goal": float}.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+        freeze(self, points=float, offsets=np.int64, q_start=float, q_goal=float)
         if self.rounding is not None:
-            object.__setattr__(self, "rounding", frozen(self.rounding, float))
+            freeze(self, rounding=float)
 
     @property
     def n_frames(self) -> int:

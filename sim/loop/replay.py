@@ -1,20 +1,16 @@
 """`odm replay`: recorded obstacle frames through the planner, without a simulator."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from odm import Answer, CellMap, ReactivePlanner
 from odm.execution.kinematic import Follower
 from odm.frame.freedom import check_valid
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
+from sim.loop.loop import ARRIVED
 from sim.loop.recording import Recording
 from sim.loop.run_result import percentiles
 from sim.loop.warmup import exercise
-
-ARRIVED = 1e-6  # largest joint difference at which the goal is reached
-
-Progress = Callable[[str, int, int], None]
 
 
 def play(

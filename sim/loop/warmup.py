@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
@@ -44,6 +44,7 @@ from odm.cameras import look_at
 from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
 from odm.search._state import NO_ITEM
+from roadmap.chunks import Progress
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -74,8 +75,6 @@ URDF = """<robot name="sample">
 </robot>
 """
 COARSE, FINE = 0.04, 0.004  # [m] the fine one needs more blocks than 16 bits can name
-
-Progress = Callable[[str, int, int], None]
 
 
 def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:

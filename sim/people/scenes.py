@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.people.arm import HumanArm
@@ -44,8 +44,7 @@ class Cover:
     radii: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("centers", "radii"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, centers=float, radii=float)
 
     @classmethod
     def of(cls, robot: Robot, q: np.ndarray) -> "Cover":

@@ -189,10 +189,6 @@ class RecordedPerson:
         hands = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
         return tuple(s for s, part in hands.items() if part in self.motion.labels)
 
-    def capsules(self, t: float) -> np.ndarray:
-        """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        return self.motion.capsules(t)
-
     def human(self, t: float) -> Human:
         """Return the person at time `t` [s], in the frame of the robot's base."""
         if self._last is None or self._last[0] != t:

@@ -1,6 +1,5 @@
 """A recorded run, run again: the same person, places and settings."""
 
-from collections.abc import Callable
 from dataclasses import fields
 from shlex import quote
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
 from odm.cell_map.recipe import recipe_of_map
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
@@ -17,10 +17,8 @@ from sim.record.recorder import Recorder
 from sim.record.run_record import NOBODY, RunRecord
 from sim.record.standing import set_up
 
-Progress = Callable[[str, int, int], None]
 
-
-class RecordedPerson:
+class ReplayedPerson:
     """The person of a recording, frame by frame, as a `HumanMotion`.
 
     Where the recording tells what was seen from what was guessed, it has `guess` too.
@@ -141,7 +139,7 @@ def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
         planner,
         robot,
         record.arrays["places"],
-        None if nobody else RecordedPerson(record),
+        None if nobody else ReplayedPerson(record),
         known(LoopSettings, head["settings"]),
     )
 

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from handover.human.body import SIDES
 from handover.human.human import Human
-from handover.human.human_arm import SIDES
 from handover.human.skeleton import Skeleton
 from handover.meet.held_object import HeldObject
 

@@ -9,12 +9,12 @@ from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
 from roadmap.unfinished import beside
 from sim.draw.scene_picture import agent_triangles
-from sim.draw.style import AMBER, INK, TEAL
+from sim.draw.style import AMBER, BLUE, INK, TEAL, WOOD
 from sim.draw.surroundings import add_shaded, all_triangles, show_box
 from sim.run.played_plan import PlayedPlan
 
 _FRAMES, _FPS = 60, 10
-_COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
+_COLOURS = TEAL, BLUE, WOOD, AMBER
 
 
 def write_handover_film(

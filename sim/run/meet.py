@@ -27,6 +27,7 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
@@ -47,7 +48,6 @@ from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
     Live,
-    Progress,
     find_places,
     person_of,
     set_up_scene,

@@ -18,11 +18,11 @@ from handover.targets.live_targets import (
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap
+from roadmap.chunks import Progress
 from sim.loop.loop import Frame, LoopSettings
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.record.again import (
-    Progress,
-    RecordedPerson,
+    ReplayedPerson,
     check_map,
     known,
     planner_of,
@@ -97,7 +97,7 @@ class TargetColumns:
         }
 
 
-class RecordedPartner(RecordedPerson):
+class ReplayedWholePerson(ReplayedPerson):
     """The whole person of a recording, frame by frame."""
 
     def __init__(self, record: RunRecord) -> None:
@@ -131,7 +131,7 @@ def targets_again(
 
 def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     head, told = record.head, record.head["targets"]
-    planner, person = planner_of(record, cell_map), RecordedPartner(record)
+    planner, person = planner_of(record, cell_map), ReplayedWholePerson(record)
     quality = known(QualitySettings, _with_rows(told["quality"]))
     settings = MeetSettings(side=told["side"], quality=quality)
     obj, someone = held_of(told["held"]), person.human(0.0)

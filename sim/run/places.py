@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from odm import CellMap, Obstacles, ReactivePlanner, load_map
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from sim.loop.carried import take_ball
@@ -27,8 +28,6 @@ from sim.terminal.progress import Bars
 
 DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 REHEARSAL_S = 3.0  # [s] simulated before time is measured
-
-Progress = Callable[[str, int, int], None]
 
 
 class Live(Protocol):

@@ -9,6 +9,7 @@ from handover.plans.limb import agent_model
 from handover.scenes.plan_file import read_plan, read_shape
 from odm import CellMap, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
@@ -16,7 +17,7 @@ from roadmap.transforms import pose_of_flat
 from sim.loop.loop import Frame, Loop, LoopSettings
 from sim.loop.run_result import RunResult
 from sim.people.receiver import PlannedReceiver, motion_of
-from sim.run.places import Live, Progress, set_up_scene, warm_up
+from sim.run.places import Live, set_up_scene, warm_up
 from sim.run.report import print_report
 from sim.run.request import RunRequest
 

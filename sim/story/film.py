@@ -11,7 +11,8 @@ from handover.human.human import Human
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, write_gif
-from sim.draw.style import AMBER, FAINT, INK, RED, TEAL
+from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
+from sim.draw.surroundings import beads
 from sim.draw.viewpoint import Camera, clearest, framed
 from sim.people.partner import ARMS
 from sim.record.run_record import RunRecord
@@ -23,12 +24,13 @@ _COLOURS = {
     "wait": AMBER,
     "release": AMBER,
     "close": AMBER,
-    "retreat": "#7050b0",
-    "put_down": "#4a7fb5",
+    "retreat": PURPLE,
+    "put_down": BLUE,
 }
 _WORDS = 0.17  # share of half the picture's height by which it is above the words
 _THING = -1  # the label of what is handed over
 _STEPS, _STEP_BACK = 12, 1.05  # of the camera, until all heads are in the picture
+_BEADS = 12  # along a capsule
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
 
 
@@ -80,8 +82,8 @@ def _camera(
     for i in moments:
         rows = record.arrays["capsules"][i]
         robots.append(_bodies(record, robot, i)[0])
-        arms.append(_beads(_near(rows[arm])))
-        rest.append(_beads(_near(rows[above])))
+        arms.append(beads(_near(rows[arm]), _BEADS))
+        rest.append(beads(_near(rows[above]), _BEADS))
     whole = settings.camera()
     tan = (1.0 - _WORDS) * np.tan(0.5 * np.radians(whole.fov_deg))
     above_words = replace(whole, fov_deg=float(np.degrees(2.0 * np.arctan(tan))))
@@ -152,14 +154,4 @@ def _near(capsules: np.ndarray) -> np.ndarray:
 def _bodies(record: RunRecord, robot: Robot, i: int) -> tuple[np.ndarray, np.ndarray]:
     centers = sphere_centers(robot, record.arrays["q"][i])
     balls = np.column_stack([centers, robot.spheres[:, 3]])
-    return balls, _beads(_near(record.arrays["capsules"][i]))
-
-
-def _beads(capsules: np.ndarray) -> np.ndarray:
-    """Return balls (12 k, 4) along capsules (k, 7) [m]."""
-    s = np.linspace(0.0, 1.0, 12)[:, None]
-    found = [np.zeros((0, 4))]
-    for row in capsules:
-        beads = row[:3] + s * (row[3:6] - row[:3])
-        found.append(np.column_stack([beads, np.full(12, row[6])]))
-    return np.vstack(found)
+    return balls, beads(_near(record.arrays["capsules"][i]), _BEADS)

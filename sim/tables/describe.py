@@ -1,12 +1,12 @@
 """The output of `odm info` and `odm audit`, as plain data and as tables."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm import CellMap
 from odm.audit.clearance import clearance_overhead
+from roadmap.chunks import Progress
 from roadmap.geometry.spheres import cover_report
 from sim.terminal.output import bytes_text
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from odm.audit.audit import AuditReport
     from odm.audit.sequence_audit import SequenceReport
 
-
-Progress = Callable[[str, int, int], None]
 
 MOST_PAIRS, MOST_LINKS = 12, 24  # told one by one; a humanoid has hundreds
 LINES, EDGE_LINES = 120, 24  # approaches: a quick look, no measurement

@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from sim.draw.style import AMBER, FAINT, INK, LINE, PALE, RED, TEAL
+from sim.draw.style import AMBER, BLUE, FAINT, INK, LINE, PALE, RED, TEAL
 from sim.view import looks
 from sim.view.moment import (
     CONTACT,
@@ -82,7 +82,7 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
         p50, p99 = np.percentile(took, [50, 99])
         most = float(took.max())
         top = max(1.0, 1.1 * most)
-        picture = _strip(recent[:, TIME], took, now, top, "#4a7fb5")
+        picture = _strip(recent[:, TIME], took, now, top, BLUE)
         words = f"p50 {p50:.2f}, p99 {p99:.2f}, most {most:.2f} ms"
         told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
     elif not latency:
