@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
 from sim.draw.style import FAINT, INK, TEAL
-from sim.draw.surroundings import balls_of, beads
+from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
@@ -125,7 +126,7 @@ def _bodies(
     """Return robot and person of a frame as balls (n, 4) [m]."""
     centers = sphere_centers(robot, result.q[frame])
     own = np.column_stack([centers, robot.spheres[:, 3]])
-    return own, beads(result.capsules[frame])
+    return own, beads(result.capsules[frame], 16)
 
 
 def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:

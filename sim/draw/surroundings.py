@@ -92,16 +92,6 @@ def show_box(axis: object, low: np.ndarray, high: np.ndarray) -> None:
         getattr(axis, f"set_{name}lim")(at - half, at + half)
 
 
-def beads(capsules: np.ndarray, n: int = 16) -> np.ndarray:
-    """Return balls (k * n, 4) along capsules (k, 7), n on each [m]."""
-    s = np.linspace(0.0, 1.0, n)[:, None]
-    found = [np.zeros((0, 4))]
-    for row in capsules:
-        places = row[:3] + s * (row[3:6] - row[:3])
-        found.append(np.column_stack([places, np.full(n, row[6])]))
-    return np.vstack(found)
-
-
 def balls_of(triangles: np.ndarray) -> np.ndarray:
     """Return triangles (n, 3, 3) as balls (m, 4) near each other [m]."""
     rows = [np.zeros((0, 4))]

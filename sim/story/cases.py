@@ -335,10 +335,8 @@ def place_in_reach(setup: StorySetup) -> np.ndarray | None:
             planner = replace(setup, T_place=T).planner()
             beside = grasps, BACK, None, obj.capsules, room, None, AT_PLACE
             reaches = Reaches(planner, setup.index, *beside)
-            reaches.begin(T, setup.rest)
-            while not reaches.over and not reaches.found:
-                reaches.work()
-            if any(_is_clear(planner, thing, reach) for reach in reaches.found):
+            found = reaches.first(T, setup.rest)
+            if any(_is_clear(planner, thing, reach) for reach in found):
                 return T
     return None
 
@@ -370,10 +368,7 @@ def other_places(setup: StorySetup) -> np.ndarray:
             near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (own, *found)]
             if min(near) < _APART or carries(scenery, obj.capsules, T) != on:
                 continue
-            reaches.begin(T, setup.rest)
-            while not reaches.over and not reaches.found:
-                reaches.work()
-            if reaches.found:
+            if reaches.first(T, setup.rest):
                 found.append(T)
                 break
     return np.array(found).reshape(-1, 4, 4)
@@ -548,8 +543,3 @@ def in_reach(
                         continue
                 return InReach(target, q)
     return None
-
-
-def with_traits(case: StoryCase, **traits: object) -> StoryCase:
-    """Return a case with some traits changed."""
-    return replace(case, traits=replace(case.traits, **traits))

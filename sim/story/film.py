@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
+from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, write_gif
 from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
-from sim.draw.surroundings import beads
 from sim.draw.viewpoint import Camera, clearest, framed
-from sim.people.partner import ARMS
 from sim.record.run_record import RunRecord
 
 _COLOURS = {
@@ -76,7 +75,7 @@ def _camera(
     labels = np.full(record.arrays["capsules"].shape[1], _THING)
     known = Human().labels
     labels[: len(known)] = known
-    arm = np.isin(labels, [_THING, *ARMS[record.head["story"]["person"]["side"]]])
+    arm = np.isin(labels, [_THING, *ARM_LABELS[record.head["story"]["person"]["side"]]])
     above = ~arm & ~np.isin(labels, [Part.LEFT_LEG, Part.RIGHT_LEG])
     robots, arms, rest = [], [], []
     for i in moments:

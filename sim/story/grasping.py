@@ -81,14 +81,6 @@ def straight_back(
     return None
 
 
-def beads(rods: np.ndarray, n: int) -> np.ndarray:
-    """Return n balls along each of some capsules (k, 7), as (k * n, 4) [m]."""
-    s = np.linspace(0.0, 1.0, n)[:, None, None]
-    middles = rods[:, :3] + s * (rods[:, 3:6] - rods[:, :3])
-    radii = np.tile(rods[:, 6], n)[:, None]
-    return np.hstack([middles.reshape(-1, 3), radii])
-
-
 def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
     """Whether q can be a goal at all; `bare`: with nothing in the hand."""
     try:
@@ -311,6 +303,13 @@ class Reaches:
         self._starts, self._share = list(self._queue), 0
         self._seeds = self.settings.seeds
         self.work()
+
+    def first(self, T_base_object: np.ndarray, q: np.ndarray) -> list[Reach]:
+        """Begin anew, and look until something is found or nothing is left."""
+        self.begin(T_base_object, q)
+        while not self.over and not self.found:
+            self.work()
+        return self.found
 
     def _starts_of(
         self, grasps: range, near: list[tuple[int, np.ndarray]], q: np.ndarray

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS
 from handover.targets.allowance import Allowance
 from handover.targets.live_targets import THERE, LiveTargets
 from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
@@ -30,18 +30,16 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
-from sim.people.partner import ARMS
 from sim.story import machine as table
 from sim.story.comfort import Berth, shunned
 from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     Reach,
     Reaches,
-    beads,
     box_of,
     check_grasps,
     is_valid,
@@ -60,7 +58,6 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
-_HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
 class Command(NamedTuple):
@@ -371,8 +368,8 @@ class Handover:
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not self.holding and not frame.holds
         if self.state == table.RETREAT and self._step.kind == "goal" and loose:
-            if self._has_left(obj):  # paths heed it again, too
-                self.view.phase = None
+            if self.view.phase is not None and self._is_clear_of(obj):
+                self.view.phase = None  # paths heed it again, too
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
         if self.view.phase == "give":
             classes[hand] = CONTACT
@@ -433,10 +430,6 @@ class Handover:
                 return time
         return 0.0
 
-    def _has_left(self, obj: np.ndarray) -> bool:
-        """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
-        return self.view.phase is not None and self._is_clear_of(obj)
-
     def _is_clear_of(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7)."""
         robot, planner = self.planner.static.robot, self.planner
@@ -447,8 +440,8 @@ class Handover:
         """Return which capsules are the hand, and the arm, that takes part."""
         known = self._arms
         if known is None or known[0] != labels.tobytes():
-            hand = np.flatnonzero(labels == _HANDS[self._side])
-            arm = np.flatnonzero(np.isin(labels, ARMS[self._side]))
+            hand = np.flatnonzero(labels == ARM_LABELS[self._side][0])
+            arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self._side]))
             known = self._arms = labels.tobytes(), hand, arm
         return known[1], known[2]
 
@@ -872,10 +865,7 @@ class Handover:
         if self._T_place is None:
             return None
         look = self._looks_at_place()
-        look.begin(self._T_place, self.executor.set_point.q)
-        while not look.over and not look.found:
-            look.work()
-        if not look.found:
+        if not look.first(self._T_place, self.executor.set_point.q):
             return None
         self._at_place = look, 0
         return look.found[0]
