@@ -64,7 +64,7 @@ class IntentThreat:
         """Return what it may sweep, and 0: the same at all times, whoever is late."""
         return self.swept, 0.0
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far it may be from the places that stand for its way [m]."""
         return self.spread
 
@@ -144,7 +144,7 @@ class LimitsThreat:
         rows[:, 3] += self._grown(middle, half, end)
         return Obstacles(spheres=rows), 0.0
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far it may be by then from where its speed leads [m]."""
         end = max(time, 0.0) + age_of(self.age)
         if not end < math.inf:

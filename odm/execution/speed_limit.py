@@ -49,15 +49,15 @@ class SpeedSettings:
         stopping_s: T_s, of a stop at the speeds of a hand-over [s].
         intrusion: C, how far a part may have come in before it is seen [m].
         position_error: Z, of person and robot together [m].
-        least_speed: Slower than this it is never made [m/s]; 0.15 is well below the
+        least_speed: The robot is never slowed below this [m/s]; 0.15 is well below the
             0.25 m/s at which robots beside people are commonly taught.
         unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
-        hand_near: So near to a hand that takes part [m] ...
-        hand_speed: ... no point of the robot is quicker than this, whichever way it
-            goes [m/s]: for comfort, no term of the standard,
-        hand_jerk: ... and none is jerked harder than this along its path [m/s3], for
-            comfort, too: the most that a hand has which reaches half a metre in a
-            second (60 D / T^3 of a minimum-jerk motion). No stop is softened by it.
+        hand_near: Distance from the hand that takes part within which the next two
+            count [m]: both are for comfort, and no terms of the standard.
+        hand_speed: Largest speed of any robot point there, in any direction [m/s].
+        hand_jerk: Largest jerk of any point there, along its path [m/s3]: that of a
+            hand which reaches half a metre in a second (60 D / T^3 of a minimum-jerk
+            motion). Stops do not keep it.
     """
 
     reaction_s: float = 0.02

@@ -94,11 +94,11 @@ class BrakingTest:
     ) -> np.ndarray | None:
         """Return (k,) which parts of the person are near and left by a motion.
 
-        Each sphere of the cover is compared with each part of the person, who is where
-        they are expected in the middle of the time, grown by how far they may come if
-        they speed up no harder than so far. A part that is near anywhere must come
-        nearer to no sphere from place to place until the robot stands; else None. This
-        tells what a motion leads away from; whether they touch is what `passes` tells.
+        Each sphere of the cover is compared with each part of the person: where it is
+        expected in the middle of the time, grown by how far it may come if it
+        accelerates no harder than so far. A near part must get farther from every
+        sphere from place to place until the robot stands; else None. This does not tell
+        whether they touch: `passes` does.
 
         Args:
             motion: The motion in use.
@@ -166,11 +166,10 @@ def slowest_stop(
 ) -> tuple[float, float]:
     """Return how long the shortest stop takes [s], and how far somebody comes [m].
 
-    A robot that is slowed down for a person uses its slowest level of speed. The joint
-    that takes longest to stop from there counts, by its limits of acceleration and
-    jerk, after one more period; the person stands before, as far as the sensor can
-    tell, and starts off as hard as is assumed of them. Nearer to them than that, and
-    the clearance, it does not get: it brakes as soon as it has begun to move.
+    That is the stop from the slowest level of speed, of the joint that takes longest by
+    its acceleration and jerk, one period late. The person stands at first, as far as
+    the sensor can tell, and starts off as hard as is assumed of them. The robot gets no
+    nearer to them than that and the clearance: it would brake as soon as it moved.
 
     Args:
         robot: The robot.
@@ -181,4 +180,4 @@ def slowest_stop(
     time = stop_time(robot, settings.slowest_scale, period)
     if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
         threat = replace(threat, jerk=0.0)
-    return time, threat.strays(time, period)
+    return time, threat.displacement_bound(time, period)

@@ -311,8 +311,8 @@ class Attacher:
     def after_path(self, budget: int) -> int:
         """Return how much of a budget of tests is left for motions beside the path.
 
-        A path that begins at a new start has the first `path_first` tests alone, for
-        each motion that gets its cells takes as long as several tests of it.
+        The path from a new start gets the first `path_first` tests alone: each motion
+        that gets its cells takes as long as several tests of it.
         """
         alone = min(budget, self._path_first)
         self._path_first -= alone
@@ -382,10 +382,9 @@ class Attacher:
         return most - left
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
-        """Let the waiting nodes of a vertex begin with those that it can go to now.
+        """Let the waiting nodes of a vertex begin with those reachable in this frame.
 
-        Returns:
-            How many these are, and how many were looked at, `looks` at most.
+        Returns how many these are, and how many of at most `looks` were looked at.
         """
         waiting = self._later.get(vertex, _NONE)
         if not len(waiting):
@@ -595,8 +594,7 @@ class Attacher:
         """Sweep the straight motions from the attached start to the goals.
 
         Where the start has no cells yet, only motions that this frame leaves free.
-
-        known: (g,) references that were swept from this very start before, below
+        `known` (g,) are references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
         """
         m, frame = self.frame.memory, self.frame
@@ -631,10 +629,9 @@ class Attacher:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 
     def _attach_some_direct(self, new: np.ndarray) -> None:
-        """Join the start to goals straight, of a robot that uses this once: now.
+        """Join the start to goals straight, for a robot that uses it now only.
 
-        So those alone that the frame leaves free, and where the order of the goals
-        ranks them none behind the first that is reached so.
+        So only motions that are free in this frame, to goals that no free one outranks.
         """
         m, frame, q = self.frame.memory, self.frame, self.q_attached
         ranks = not m.numbers.joint_costs[0]

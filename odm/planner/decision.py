@@ -101,10 +101,10 @@ class Decision:
         return 0 if self._always else self._patience
 
     def frames_to_wait(self, beyond: int) -> int:
-        """Return for how many frames more a path that is free now has to be so.
+        """Return in how many more frames a path that is free only now must be found.
 
-        0: no path is free, or none has to wait. `beyond`: what the search beyond the
-        roadmap counts.
+        0: none is free, or none has to wait. `beyond` is the count of the search beyond
+        the roadmap.
         """
         left = self._numbers.frames_to_persist.item(), beyond
         # as many as at first: this very frame had no path

@@ -16,7 +16,7 @@ from sim.loop.loop import Frame
 
 REDRAW = 0.1  # from picture to picture [s]
 RELINE = 1.0  # from line to line where there is no picture [s]
-NAP = 0.05  # longest sleep, so that a signal is soon heeded at low rates too [s]
+NAP = 0.05  # longest sleep, so that a signal is noticed soon at low rates too [s]
 
 
 class Pacer:

@@ -97,7 +97,7 @@ class MeetSetup:
     scene: Path | None = None
 
     def planner(self) -> ReactivePlanner:
-        """Return a planner of the map that heeds the scene."""
+        """Return a planner of the map that knows the scene."""
         planner = ReactivePlanner(self.cell_map, settings=PLANNER)
         set_up_scene(planner, self.scene)
         return planner

@@ -87,7 +87,7 @@ class PlacesTask:
         return Loop(self._planner, robot, self.places, person, settings)
 
     def _new_planner(self) -> tuple[ReactivePlanner, Robot]:
-        """Return a planner that heeds the scene, and the robot with what it holds."""
+        """Return a planner that knows the scene, and the robot with what it holds."""
         planner = ReactivePlanner(self.cell_map)
         robot = take_ball(planner, self.request.carry)
         set_up_scene(planner, self.request.scene)

@@ -109,7 +109,7 @@ class PlanTask:
         return Loop(self._planner, robot, self.places, person, settings)
 
     def _new_planner(self) -> ReactivePlanner:
-        """Return a planner that heeds the plan's scenery, and --scene's."""
+        """Return a planner that knows the plan's scenery, and --scene's."""
         planner = ReactivePlanner(self.cell_map)
         T = np.linalg.inv(np.array(self.record["giver"]["T_world_base"]))
         for entry in self.record["scenery"]:

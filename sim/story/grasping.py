@@ -223,21 +223,19 @@ class Reaches:
     Args:
         planner: The planner; its scenery counts.
         index: Nodes of its roadmap by pose of the tool.
-        grasps: (n, 4, 4) T_tool_object of the grasps that will do.
+        grasps: (n, 4, 4) T_tool_object of the grasps that may be used.
         back: Distance before the object [m].
-        thing: The object as `odm.carried_object` makes it, if it is to be taken away
-            from there: robot and scenery must leave room for it; None: it stays.
+        thing: The object, made by `odm.carried_object`, if it is taken away from there:
+            robot and scenery must leave room for it; None: it stays.
         rods: (k, 7) the object's capsules, object frame [m]; None: none to keep from.
-        room: What the cover is to keep from those before the object, besides the
-            clearance [m]: beside an object on the brink of it the robot creeps. The
-            way back is longer where it has to be; who lacks room all the same comes
-            last.
-        on: Which solid of the scenery the object stands on: on the straight way what is
-            held may touch that one; None: nothing. It counts where there is a `thing`,
-            which the hand may hold already.
+        room: Distance beyond the clearance that the cover keeps from those before the
+            object [m], since nearer to it the robot creeps. The way back is made longer
+            for it; configurations without that room come last.
+        on: Solid of the scenery that the object stands on, which it may touch on the
+            straight way; None: nothing. It counts where there is a `thing`.
         settings: How hard.
-        first: So many of the grasps come first; the others are tried where these lead
-            nowhere. None: all of them come first.
+        first: How many of the grasps come first; the others are tried where these lead
+            nowhere. None: all.
 
     Attributes:
         found: What is known at the present pose.
@@ -454,7 +452,7 @@ class Reaches:
         """Whether the straight way to the object is free beside the object itself.
 
         By the rules of the last phase: pads may touch it, the rest of the hand keeps 1
-        cm and the arm its clearance. Where that fails nobody could move out of the way.
+        cm and the arm its clearance.
         """
         planner = self.planner
         if self._rods is None or planner.attached is not None:
