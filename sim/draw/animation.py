@@ -38,15 +38,12 @@ def write_animation(
         robot: The robot.
         places: (n, dof) work places of the run.
         world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
-        path: File to write, whole or not at all.
+        path: File to write.
         settings: Size and length.
         tools: Where the tool goes for each number of `result.place` [m], in place of
             the work places.
-        still: (n, 3, 3) triangles of what stands around [m]; the world draws them,
-            and the camera goes where they hide least.
-
-    Returns:
-        The path written.
+        still: (n, 3, 3) triangles of what stands around [m]; the world draws them, and
+            the camera goes where they hide least.
     """
     settings = settings or FilmSettings()
     shown = settings.shown(_liveliness(result), result.rate_hz)

@@ -76,15 +76,8 @@ def arm_cut(
 ) -> Cut:
     """Return the cut through all places that a hand can be at.
 
-    Args:
-        human: The person.
-        side: Which arm.
-        normal: Axis the plane is square to, 1 (y) or 2 (z).
-        at: Where on that axis [m].
-        spacing: Between the places [m].
-        settings: Of the quality; None: the defaults.
-        rotations: Of the hand, that are tried at each place.
-        tell: Shows progress.
+    It is square to the axis `normal`, 1 (y) or 2 (z), at `at` [m], with places
+    `spacing` apart [m]; at each, `rotations` of the hand are tried.
     """
     shoulder = human.T_world_shoulder(side)[:3, 3]
     reach = human.arm(side).length

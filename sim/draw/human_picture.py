@@ -166,18 +166,11 @@ def write_strip(
     times: list[float] | None = None,
     box: tuple = WORK_PLACE,
 ) -> Path:
-    """Draw the person at some moments, with the work place and the robot's base.
+    """Draw the person at some moments, with the work place and the robot's base: a PNG.
 
-    Filled is the person as guessed, a red outline what is remembered and grown.
-
-    Args:
-        motion: The clip.
-        path: PNG file to write.
-        times: Moments [s]; None: eight, evenly over the clip.
-        box: ((x, x), (y, y), (z, z)) ends of the work place, base frame [m].
-
-    Returns:
-        The path written.
+    Filled is the person as guessed, a red outline what is remembered and grown. By
+    default eight times [s], evenly over the clip; `box` holds the ends of the work
+    place along x, y and z, base frame [m].
     """
     if times is None:
         times = list(np.linspace(0.0, motion.duration_s, 8))

@@ -18,16 +18,10 @@ _NAMES = ("", "from the side", "from above")
 
 
 def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> Path:
-    """Draw a scene from three sides.
+    """Draw a scene from three sides as a PNG.
 
-    Args:
-        scene: The scene.
-        path: PNG file to write, whole or not at all.
-        plan: Record of a plan of it, see `handover.scenes.plan_file`: both agents are
-            drawn as they hand over, the object where it changes hands.
-
-    Returns:
-        The path written.
+    With the record of a plan of it, see `handover.scenes.plan_file`, both agents are
+    drawn as they hand over, and the object where it changes hands.
     """
     title = f"{scene.name}, seed {scene.seed}: {scene.obj.name} amber at its start, "
     title += "red at its goal"

@@ -60,13 +60,8 @@ class Silhouette:
     ) -> None:
         """Fill the outline with a colour and draw it as a line.
 
-        Args:
-            axis: Of matplotlib.
-            plane: The two axes seen, across and up.
-            fill: Colour of the filling.
-            line: Colour of the line.
-            layers: Of the filling and of the line.
-            style: Of the filling, such as `alpha`; `linewidths` is the line's.
+        `plane` are the two axes seen, across and up; `layers` those of filling and
+        line. `style` is of the filling, such as `alpha`; `linewidths` is the line's.
         """
         width = {"linewidths": style.pop("linewidths", 1.1)}
         seen = self.points()[:, list(plane)]

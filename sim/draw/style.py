@@ -120,20 +120,11 @@ def draw_cut(
     colours: str = QUALITY,
     **style: object,
 ) -> object:
-    """Draw one layer of square cells.
+    """Draw one layer of square cells; return the image.
 
-    Args:
-        axis: Of matplotlib.
-        corner: Lower left corner of the layer: across, up.
-        cell: Side of a cell, in the same unit.
-        values: (rows up, columns across) numbers, NaN: left free; or a further axis
-            of four, the cells' own colours.
-        span: Values with the first and the last of the colours.
-        colours: Name of a matplotlib colour map.
-        style: Further options of `imshow`.
-
-    Returns:
-        The image.
+    `values` (rows up, columns across) begin at the lower left `corner`; NaN is left
+    free, a further axis of four holds the cells' own colours. `span` has the values
+    with the first and the last of the colours, `style` further options of `imshow`.
     """
     rows, columns = values.shape[:2]
     (x, y), (low, high) = corner, span or (None, None)

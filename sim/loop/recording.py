@@ -64,17 +64,11 @@ class Recording:
 def read_recording(
     path: str | Path, cell_map: CellMap, spacing: float | None = None
 ) -> Recording:
-    """Read an `.npz` of frames for the robot of a map.
+    """Read an `.npz` of frames for the robot of a map, or raise BadRecording.
 
-    Args:
-        path: File with `capsules` (F, K, 7), or `points` (sum, 3) and `offsets`
-            (F + 1,), further `q_start`, `q_goal` (dof,), `rate_hz`; with points also
-            `covering_radius` [m], the map's rho where it is left out.
-        cell_map: The map it will be played on.
-        spacing: Of the samples on capsules [m].
-
-    Raises:
-        BadRecording: The file is missing, is no .npz, or holds a wrong value.
+    It holds `capsules` (F, K, 7), sampled `spacing` apart [m], or `points` (sum, 3) and
+    `offsets` (F + 1,); further `q_start`, `q_goal` (dof,), `rate_hz`; with points also
+    `covering_radius` [m], the map's rho where it is left out.
     """
     arrays = _load(Path(path))
     start, goal = (_configuration(arrays, n, cell_map) for n in ("q_start", "q_goal"))

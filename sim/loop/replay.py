@@ -22,15 +22,9 @@ def play(
 ) -> dict:
     """Play a recording; between frames the robot follows the answer's path.
 
-    It moves at its joints' speed limits; while the planner holds, it stands still:
-    it does not retreat, as `odm run` would.
-
-    Args:
-        cell_map: The map.
-        recording: What to play, from `read_recording`.
-        always_replan: Search from scratch in every frame.
-        paths: Keep the path of each frame.
-        progress: Called with (stage, done, total).
+    It moves at its joints' speed limits; while the planner holds it stands still, and
+    does not retreat as in `odm run`. With `always_replan` each frame searches from
+    scratch, with `paths` the path of each frame is kept.
 
     Returns:
         Plain data: "map_hash", "summary", "frames" (the same for the same input) and

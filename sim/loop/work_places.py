@@ -62,22 +62,10 @@ def work_places(
     is_free: IsFree,
     settings: WorkPlaceSettings = WorkPlaceSettings(),
 ) -> np.ndarray:
-    """Return two free configurations whose tools stand left and right, pointing down.
+    """Return two free configurations (2, dof), tools left and right, pointing down.
 
-    Where the tool cannot point down or go sideways, nodes near to that are taken.
-
-    Args:
-        robot: The robot.
-        roadmap: Its roadmap: seeds of the inverse kinematics, and what is taken where
-            the tool cannot point down.
-        is_free: (q, q) -> true where the robot may stand.
-        settings: Where they are looked for.
-
-    Returns:
-        (2, dof) the left and the right one, near each other in joint space.
-
-    Raises:
-        NoWorkPlaces: There are none.
+    Where the tool cannot point down or go sideways, nodes of the roadmap near to that
+    are taken. The two are near each other in joint space. NoWorkPlaces: there are none.
     """
     # the first nodes may all lie on one side, or keep the arm folded
     s = settings

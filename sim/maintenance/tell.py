@@ -57,16 +57,8 @@ class LadderFilm(FilmSettings):
 def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
     """Play cycles, print what happened, and write what was asked for of the first.
 
-    Args:
-        request: What was asked for.
-        cell_map: The map, of a robot with fingers.
-        reach: Its reach map.
-
-    Returns:
-        Plain data: what came of each, times, figures, files.
-
-    Raises:
-        BadInput: The robot has no fingers, or no ladder is in its reach.
+    Returns plain data: what came of each, times, figures, files. BadInput for a robot
+    without fingers, or without a ladder in its reach.
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print

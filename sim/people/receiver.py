@@ -106,11 +106,8 @@ def motion_of(record: Mapping, who: str, name: str) -> Mapping:
 def elsewhere(T_world_base: np.ndarray, aside: float, seed: int) -> np.ndarray:
     """Return where somebody stands who is drawn elsewhere, (4, 4) [m].
 
-    Args:
-        T_world_base: (4, 4) where they are to stand [m].
-        aside: They are moved by up to so much along x and y [m], and turned by up to a
-            degree for each centimetre of that.
-        seed: Same seed, same place.
+    They are moved by up to `aside` along x and y [m], and turned by up to a degree for
+    each centimetre of that.
     """
     x, y, turn = np.random.default_rng(seed).uniform(-aside, aside, 3)
     T = np.array(T_world_base, float)

@@ -150,11 +150,8 @@ class Cue:
 def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
     """Return an arm that begins at a place and then follows its cues, over and over.
 
-    Args:
-        name: Of the motion.
-        stand: Where the person stands.
-        begin: Place of the hand at first, outward from the tool [m].
-        cues: What it does; the last rest lasts until the round is over.
+    The hand begins at `begin`, outward from the tool [m]; the last rest lasts until the
+    round is over.
     """
     fastest = max(cue.speed for cue in cues)
     limit = min(fastest, stand.person.max_speed or fastest)

@@ -22,9 +22,6 @@ class ReplayedPerson:
     """The person of a recording, frame by frame, as a `HumanMotion`.
 
     Where the recording tells what was seen from what was guessed, it has `guess` too.
-
-    Args:
-        record: The recording.
     """
 
     def __init__(self, record: RunRecord) -> None:

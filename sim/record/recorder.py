@@ -275,10 +275,7 @@ def common_head(cell_map: CellMap, paces: Sequence[str]) -> dict:
 def sealed(head: dict, arrays: dict[str, np.ndarray], robot: Robot) -> RunRecord:
     """Return a recording with the robot's arrays and its fingerprint.
 
-    Args:
-        head: With an "outcome", where the fingerprint is written.
-        arrays: Of the frames, by name; the robot's are added.
-        robot: The robot.
+    The latter is written to "outcome" of the head.
     """
     arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
     made = RunRecord(head, arrays)
@@ -317,13 +314,8 @@ def recording(
 ) -> Iterator[Recorder | None]:
     """Yield a recorder; what it took is written at the end, Ctrl-C or an error too.
 
-    Where it went is told on stderr, for one who interrupts reads no summary.
-
-    Args:
-        path: The file; None yields None, and nothing is recorded.
-        loop: The loop; not begun.
-        cell_map: The planner's map.
-        beside: What else is recorded; None: nothing.
+    Where it went is told on stderr, for one who interrupts reads no summary. Without a
+    path it yields None. The loop was not begun; `beside` is what else is recorded.
     """
     if path is None:
         yield None

@@ -33,17 +33,9 @@ WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 def run(request: RunRequest, live: Live | None = None) -> dict:
     """Run what was asked for; print the tables unless it is to be quiet.
 
-    Args:
-        request: What was asked for.
-        live: Who moves the person of `--motion keyboard`; see `sim.keyboard`.
-
-    Returns:
-        The figures as plain data: "run", "alone", "targets" or "plan", "notes",
-        "setting", "map_hash"; of a live run, see `Live.figures`.
-
-    Raises:
-        BadInput: A person, plan, rate, time or recording that cannot be.
-        BadMap: There is no map.
+    `live` moves the person of `--motion keyboard`; see `sim.keyboard`. Returns the
+    figures as plain data: "run", "alone", "targets" or "plan", "notes", "setting",
+    "map_hash"; of a live run, see `Live.figures`.
     """
     task = task_of(request, live)
     person = task.person()

@@ -135,12 +135,9 @@ def story_wrench() -> HeldObject:
 
 
 def upright(obj: HeldObject, xy: Sequence[float], table: float = 0.0) -> np.ndarray:
-    """Return (4, 4) where a wrench stands upright in a holder, base frame [m].
+    """Return (4, 4) where a wrench stands upright in a holder at `xy`, base frame [m].
 
-    Args:
-        obj: The wrench.
-        xy: Where, base frame [m].
-        table: How high the table is, base frame [m].
+    `table` is how high it stands, base frame [m].
     """
     low = float((obj.capsules[:, [0, 3]] + obj.capsules[:, 6:7]).max())
     T = pose_of((*xy, table + low + 0.01), (0.0, 0.5 * np.pi, 0.0))
@@ -216,10 +213,7 @@ class StorySetup:
     ) -> LiveTargets:
         """Return a live thread that knows nothing yet.
 
-        Args:
-            planner: The planner.
-            human: The person at the beginning.
-            threat: What is assumed of them in the story; None: as by default.
+        `threat` is what is assumed of the person in the story; None: as by default.
         """
         comes = _comes(planner.robot, threat)[1]
         spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
@@ -284,18 +278,10 @@ def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
 def rest_of(planner: ReactivePlanner, index: NodeIndex, obj: HeldObject) -> np.ndarray:
     """Return (dof,) a node at which the robot waits with the object in its hand.
 
-    There it is as compact as can be: nothing of it, the object included, is far out to
-    where people stand, and the joints are near the middles of their ranges. It is clear
-    of all that stands about with the object held by any of its grasps: as it is given
-    back, nobody knows before.
-
-    Args:
-        planner: Knows what stands about; nothing is in its hand.
-        index: Nodes of its roadmap.
-        obj: What is held.
-
-    Raises:
-        BadInput: At no node is it free with the object.
+    It is compact there: nothing of it, the object included, is far out to where people
+    stand, and the joints are near the middles of their ranges. It is free with the
+    object held by any of its grasps, since nobody knows how it is given back. The hand
+    of the planner is empty.
     """
     robot = planner.robot
     thing = carried_object(box_of(obj))
@@ -383,15 +369,9 @@ def setup_of(
 ) -> StorySetup:
     """Return the setup of a map.
 
-    Args:
-        cell_map: The robot's map.
-        reach: Its reach map.
-        obj: What is handed over; None: a wrench, held as far out as hand and arm ask.
-        place: Whether it has its place on the table, if one is within reach.
-        pads: Links that may touch it; see `pads_of`.
-
-    Raises:
-        BadInput: The robot has no links that could be finger pads, or none of a name.
+    Without an object it is a wrench, held as far out as hand and arm ask. With `place`
+    it has its place on the table, if one is within reach. `pads` are links that may
+    touch it; see `pads_of`.
     """
     robot = cell_map.robot
     pads = pads_of(robot, pads)
@@ -418,15 +398,8 @@ def own_object(
 ) -> HeldObject:
     """Return a mesh of the user's as the robot of a map holds it.
 
-    Args:
-        cell_map: The robot's map.
-        pads: Links that may touch it; see `pads_of`.
-        source: The mesh; see `handover.grasps.own_object`.
-        mass_kg: Its mass [kg]; None: by its volume.
-        scale: What turns its unit into metres.
-
-    Raises:
-        BadInput: The gripper cannot hold it, or nothing keeps clear of it then.
+    The mesh, its mass [kg] and scale as in `handover.grasps.own_object`, `pads` as in
+    `pads_of`. BadInput where the gripper cannot hold it, or nothing keeps clear of it.
     """
     robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
     urdf = cell_map.recipe.robot.source

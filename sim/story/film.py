@@ -41,19 +41,10 @@ def write_story_film(
     settings: FilmSettings | None = None,
     tell: Callable[[str, int, int], None] | None = None,
 ) -> Path:
-    """Write a recorded hand-over as an animated GIF, whole.
+    """Write a recorded hand-over as an animated GIF, whole; return its path.
 
-    Args:
-        record: The recording.
-        robot: Its robot.
-        world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
-        path: File to write, whole or not at all.
-        settings: Size; pictures a second.
-        tell: Is told how many pictures are painted, and of how many: the stage and
-            both numbers, before each; None: nobody is.
-
-    Returns:
-        The path written.
+    `world` is a `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`. `tell` is
+    called with the stage, pictures painted and of how many, before each.
     """
     settings = settings or FilmSettings(width=560, height=420, fps=8.0, fov_deg=40.0)
     step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)

@@ -161,15 +161,8 @@ def held_farther_out(
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 
-    Along the tool's z, by what hand and arm have to keep from it and no more; as it is
-    where `most_out` is too little.
-
-    Args:
-        planner: See `too_near`.
-        obj: What is held.
-        nodes: See `too_near`.
-        spare: More distance that is asked for [m].
-        settings: How far, and in how many steps.
+    Along the tool's z, by what hand and arm have to keep from it and `spare` [m]; as it
+    is where `most_out` is too little. Planner and nodes as in `too_near`.
     """
     T = np.array(obj.T_tool_object)
     for _ in range(settings.out_steps):

@@ -193,10 +193,8 @@ class PhasePlanner:
     def line_free(self, q: np.ndarray, q_end: np.ndarray, there: Obstacles) -> bool:
         """Whether a straight motion passes all four tests, by the rules of the phase.
 
-        Args:
-            q: (dof,) its start [rad or m].
-            q_end: (dof,) its end, within the limits.
-            there: All shapes, in the order of `classes`.
+        It goes from q (dof,) to q_end, within the limits; `there` are all shapes, in
+        the order of `classes`.
         """
         planner = self.planner
         robot = planner.robot

@@ -63,15 +63,9 @@ def tell_story(
 ) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
-    Args:
-        request: What was asked for.
-        cell_map: The map, of a robot with fingers.
-        reach: Its reach map.
-        live: Who moves the person of `--human keyboard`; see `sim.keyboard.story`.
-        person: Who was recorded, of `--human mocap`.
-
-    Returns:
-        Plain data: what came of it, times, figures, files.
+    `live` moves the person of `--human keyboard`, see `sim.keyboard.story`; `person`
+    was recorded, of `--human mocap`. Returns plain data: what came of it, times,
+    figures, files.
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print

@@ -123,11 +123,8 @@ def person_force(
 ) -> np.ndarray:
     """Return (3,) force of a person on the object, base frame [N].
 
-    Args:
-        T_base_tool: (4, 4) of the robot's tool: the pull is along its z, out of it.
-        pull: Of the hand [N].
-        since_touch: Time since it touched the object [s].
-        bump: Of that touch, the other way and aside [N].
+    The pull [N] is along the tool's z, out of it; the bump of the touch `since_touch`
+    ago [s] goes the other way and aside.
     """
     force = pull * T_base_tool[:3, 2]
     if 0.0 <= since_touch < BUMP_S:

@@ -104,17 +104,10 @@ def check_value(
     writes: Writes | None = None,
     choices: str = "",
 ) -> None:
-    """Refuse what a flag cannot be given.
+    """Refuse what a flag `word` cannot be given, in one sentence with the remedy.
 
-    Args:
-        word: The flag, as it is typed.
-        value: What it was given: text, number, path, or several of them.
-        limits: The numbers it takes; None: any that is finite.
-        writes: What it has written; None: nothing.
-        choices: Words it takes, with "|" between them; other text: any.
-
-    Raises:
-        Refused: One sentence with value, limit and remedy.
+    `value` is text, a number, a path, or several. Without limits any finite number is
+    taken; `choices` are words with "|" between them, and other text takes any.
     """
     for one in value if isinstance(value, list | tuple) else [value]:
         if isinstance(one, float | int) and not isinstance(one, bool):
@@ -145,10 +138,6 @@ def check_target(word: str, path: Path, writes: Writes) -> None:
     """Refuse a file or folder that could not be written, before any work.
 
     A file is tried where it would lie, and leaves nothing behind.
-
-    Raises:
-        Refused: An ending that is not written, a library that is missing, a folder
-            where a file is wanted or the other way round, no permission.
     """
     endings = " or ".join(writes.endings)
     if writes.endings and path.suffix.lower() not in writes.endings:

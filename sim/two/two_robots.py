@@ -212,13 +212,8 @@ def waiting_place(
 ) -> np.ndarray:
     """Return the roadmap node nearest to the places that is out of the other's way.
 
-    Args:
-        planner: The planner of the robot that waits.
-        places: (n, dof) its work places.
-        busy: The other robot at all of its places.
-
-    Raises:
-        BadInput: The other robot is in the way everywhere.
+    `places` (n, dof) are the robot's, `busy` is the other robot at all of its own.
+    BadInput where it is in the way everywhere.
     """
     nodes = planner.cell_map.roadmap.nodes
     planner.step(busy, q=nodes[0].copy())

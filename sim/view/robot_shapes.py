@@ -66,14 +66,10 @@ def lowest_of_robot(robot: Robot, parts: list[Part], qs: np.ndarray) -> float:
 
 
 def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
-    """Return meshes with fewer faces in all, as they are if they have few.
+    """Return meshes with at most `most` faces in all, as they are if they have few.
 
     Corners that lie in one cell become one, their mean; cells grow until it is enough.
     For a picture only: no corner moves farther than the diagonal of a cell.
-
-    Args:
-        parts: The meshes.
-        most: Faces of all of them.
     """
     cell, drawn = _FINEST, parts
     while sum(len(part.mesh.faces) for part in drawn) > most:

@@ -113,18 +113,12 @@ def joints_of(
     mapping: str | Path | Mapping[str, str] | None = None,
     label: str = "the mapping",
 ) -> tuple[dict[str, str], str]:
-    """Return which name of the recording is which joint.
+    """Return joint -> name as the recording spells it, and what the mapping is called.
 
-    Args:
-        tracks: The recording.
-        mapping: Joint -> name in the recording, or a TOML file that holds it; None
-            takes the built-in list that fits best. Names are compared without case;
-            a namespace (`mixamorig:`, `Eve:`) may be left out where it tells nothing.
-        label: What the mapping is called; a file has its name.
-
-    Returns:
-        Joint of `handover.human.body.JOINTS`, a foot or a toe -> name as the recording
-        spells it; and what the mapping is called.
+    Joints are those of `handover.human.body.JOINTS`, a foot or a toe. `mapping` is
+    joint -> name, or a TOML file that holds it; None takes the built-in list that fits
+    best. Names are compared without case; a namespace (`mixamorig:`, `Eve:`) may be
+    left out where it tells nothing.
 
     Raises:
         BadMocap: The mapping is unreadable, names an unknown joint or one that the

@@ -64,14 +64,10 @@ class Memory:
 
 
 def remember(place: np.ndarray, rate_hz: float, round_trip: bool) -> Memory:
-    """Give a joint that is seen at least once a place in every frame.
+    """Give a joint that is seen at least once a place in every frame (F, 3) [m].
 
-    Before the first sight, the place that comes stands for it.
-
-    Args:
-        place: (F, 3) [m], NaN where it is not seen.
-        rate_hz: Frames per second.
-        round_trip: The frame after the last is the first one.
+    Before the first sight, the place that comes stands for it. In a round trip the
+    frame after the last is the first one.
     """
     n = len(place)
     if round_trip:  # the round before is what it remembers at the start
