@@ -24,18 +24,10 @@ def check_number(
     whole: bool = False,
     where: str = "",
 ) -> float:
-    """Return a number from low to high.
+    """Return a number, or a whole one, from low to high; else refuse it.
 
-    Args:
-        name: What it is, with its unit where it has one.
-        value: The number.
-        low: Least that is taken.
-        high: Largest that is taken.
-        whole: Only whole numbers are.
-        where: In what to change it; empty: in the call.
-
-    Raises:
-        BadInput: It is not; names value, limits and where to change it.
+    `name` says what it is, with its unit; `where` in what to change it, empty: in the
+    call.
     """
     sound = is_between(value, low, high)
     if sound and not (whole and not isinstance(value, Integral)):

@@ -61,16 +61,10 @@ def contacts_of(
     within: float,
     hold: HoldSettings = _HOLD,
 ) -> Contacts:
-    """Return where a hand touches, a few places a link.
+    """Return where a closed hand touches, a few places a link.
 
-    Fewer places than there are withstand less, so what is told to hold, holds.
-
-    Args:
-        hand: The hand.
-        state: Where it is, closed.
-        skin: The object's surface.
-        within: How far pads give way: what is nearer touches [m].
-        hold: How many places.
+    Fewer places than there are withstand less, so what is told to hold, holds. Pads
+    give way by `within` [m]: what is nearer touches.
     """
     link = np.empty(len(skin.points), np.int64)
     gap = np.empty(len(skin.points))

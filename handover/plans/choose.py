@@ -121,12 +121,9 @@ def arms_in_order(
 ) -> tuple[list[str], str]:
     """Return the arms that reach a thing, the best first, and why (section IV-A).
 
-    Args:
-        limbs: The arms by side.
-        mounts: What they hang on, world frame [m].
-        point: (3,) the thing's middle, world frame [m].
-        size: How far it reaches from there [m]: an arm that only comes so near to the
-            middle is taken after those that reach it.
+    `mounts` are what they hang on, `point` (3,) the thing's middle, world frame [m]. An
+    arm that only comes within `size` of the middle [m] is taken after those that reach
+    it.
     """
     entries, local_points = {}, {}
     for side, limb in limbs.items():

@@ -94,14 +94,11 @@ class Grasper:
         hands: bool = False,
         rated: bool = True,
     ) -> "Looked":
-        """Look at grasps of the object at a pose.
+        """Look at the grasps `use` (k,) of the object at a pose (4, 4) [m].
 
-        Args:
-            T_world_object: (4, 4) [m].
-            use: (k,) which grasps.
-            stand: Puts all things where they are then, for the mover.
-            hands: Test all hands at once: where most touch, it saves what follows.
-            rated: Work out all dexterity at once, as the order needs; else in turn.
+        `stand` puts all things where they are then, for the mover. `hands` tests all
+        hands at once: where most touch, it saves what follows. `rated` works out all
+        dexterity at once, as the order needs; else in turn.
         """
         return Looked(self, T_world_object, use, stand, (hands, rated))
 

@@ -78,12 +78,8 @@ def draw_chunk(
 ) -> tuple[np.ndarray, ...]:
     """Draw samples span[0, 0] to span[0, 1]; return which hit, their cells, qualities.
 
-    Args:
-        maker: Of the worker.
-        span: (1, 2) numbers of samples.
-        rules: (2,) seed and reference.
-        cell: (n,) the cells that have a sample so far,
-        sample: (n,) and its quality: what is no better is left out.
+    `rules` (2,) are seed and reference; what is no better than the sample of its cell
+    so far, `cell` and `sample` (n,), is left out.
     """
     taken = maker.take()
     taken[0].sample[cell] = sample

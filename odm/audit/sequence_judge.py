@@ -162,14 +162,10 @@ class Judge:
         path: np.ndarray,
         exact: bool,
     ) -> Verdict:
-        """Judge a path that was answered from q.
+        """Judge a path (k, dof) that was answered from q, where it must begin.
 
-        Args:
-            world: What stands around the robot.
-            given: What the planner was given.
-            q: (dof,) where the path must begin [rad or m].
-            path: (k, dof) the answer.
-            exact: Ask exact geometry in any case, not only where it is near.
+        `given` is what the planner was given; `exact` asks exact geometry in any case,
+        not only where it is near.
         """
         if self._dirty:
             self._take_up(world)

@@ -461,11 +461,8 @@ def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
 
     What an earlier version did: a robot off its segment by no more than the tracking
     share was taken to be on it. The motion from there got the segment's cells and its
-    mark of being free of what stands still, and the next frame measured from it.
-
-    Args:
-        planner: Before it is asked.
-        q: (dof,) what it will be asked from.
+    mark of being free of what stands still, and the next frame measured from it. The
+    planner is about to be asked from q.
     """
     robot_state, path = planner.memory.robot_state, planner.memory.path
     if not np.isfinite(q).all():

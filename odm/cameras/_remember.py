@@ -147,15 +147,9 @@ def dilate(bits, spare, words):
 def grow_sources(sources, ptr, shape, bits, spare):
     """Set `bits` to all sources, each dilated by its own number of cells.
 
-    Those to be dilated most begin; after every dilation the next ones join. What
-    grows beyond the grid is cut off only there: no source lies outside.
-
-    Args:
-        sources: Cells; see list_sources.
-        ptr: See list_sources.
-        shape: (3,) cells of the grid.
-        bits: (nx, ny * words) uint64.
-        spare: The same shape; overwritten.
+    Those to be dilated most begin; after every dilation the next ones join. What grows
+    beyond the grid is cut off only there: no source lies outside. `ptr` as in
+    list_sources; `spare` has the shape of `bits` and is overwritten.
     """
     ny, nz = shape[1], shape[2]
     words = bits.shape[1] // ny

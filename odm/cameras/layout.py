@@ -189,16 +189,10 @@ def views(
     buffers: CellBuffers,
     noise_m: float,
 ) -> list[View]:
-    """Return the views of all cameras, or refuse one of them.
+    """Return the views of all cameras, or refuse one: none, or one inside the base.
 
-    Args:
-        cameras: One or more, none inside the robot's base.
-        cell_map: Its robot, grid and rho count.
-        buffers: Its cells that are out of reach are left out.
-        noise_m: Of a reading [m].
-
-    Raises:
-        BadInput: No camera, or one in the base.
+    Robot, grid and rho of the map count; cells of the buffers that are out of reach are
+    left out. A reading is exact to `noise_m` [m].
     """
     if not cameras:
         raise BadInput("no camera was given; give at least one DepthCamera")

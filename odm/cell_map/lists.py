@@ -154,16 +154,9 @@ def packed_lists(
 ) -> CellLists:
     """Pack cells by item; the same cells give the same bytes.
 
-    Args:
-        ptr: (n_items + 1,) item i owns entries ptr[i]:ptr[i + 1].
-        block: (n,) block of each entry, ascending within an item.
-        mask: (n,) its cells.
-        n_blocks: Of the grid.
-        share: Look for the commonest halves. False takes a tenth of the time, and
-            twice the memory afterwards.
-
-    Raises:
-        BuildRefused: There are too many of them.
+    Item i owns entries ptr[i]:ptr[i + 1] of `block`, ascending, and `mask`. Without
+    `share` the commonest halves are not looked for: a tenth of the time, and twice the
+    memory afterwards. BuildRefused where there are too many.
     """
     half = _common_halves(mask) if share else np.zeros(0, np.uint32)
     slot = np.full(packed.SLOTS, -1, np.int32)

@@ -224,10 +224,7 @@ class Executor:
     def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer planned from `commit`, then brake where it must be.
 
-        Args:
-            answer: The planner's answer.
-            commit: From `commit`, in this frame.
-            threat: Where the person can be; None where nobody is about.
+        `threat` is where the person can be; None where nobody is about.
         """
         if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()

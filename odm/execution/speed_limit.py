@@ -120,12 +120,8 @@ class SpeedLimit:
     ) -> float:
         """Return the share of `speed_scale` that is allowed now, in (0, 1].
 
-        Args:
-            motion: The motion in use.
-            t: The time on it [s].
-            speed_scale: Share of the joints' speed limits at full speed.
-            threat: The person, as seen now.
-            hands: (k, 7) capsules of hands that take part [m]; None: none does.
+        At time t [s] on the motion in use, beside the person as seen now and `hands`
+        (k, 7), capsules of hands that take part [m]; None: none does.
         """
         if t >= motion.duration:
             return 1.0
@@ -152,13 +148,8 @@ class SpeedLimit:
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
         """Return the share of the jerk limits that is allowed now, in (0, 1].
 
-        Points near a hand, now or soon, keep `hand_jerk` along their path: what its
-        bends add is left out.
-
-        Args:
-            motion: The motion in use.
-            t: The time on it [s].
-            hands: (k, 7) capsules of hands that take part [m].
+        Points near one of the `hands` (k, 7) [m], at time t [s] on the motion in use or
+        soon, keep `hand_jerk` along their path: what its bends add is left out.
         """
         s = self.settings
         if not (s.hand_near and s.hand_jerk < np.inf and len(hands)):

@@ -98,14 +98,7 @@ class BrakingTest:
         expected in the middle of the time, grown by how far it may come if it
         accelerates no harder than so far. A near part must get farther from every
         sphere from place to place until the robot stands; else None. This does not tell
-        whether they touch: `passes` does.
-
-        Args:
-            motion: The motion in use.
-            t: The present time on it [s].
-            begin: When the stop begins, on the same clock [s].
-            stop: The stop on the same path.
-            threat: The person.
+        whether they touch: `passes` does, which has the same arguments.
         """
         time = max(begin - t, 0.0) + stop.duration
         there, more = threat.as_so_far().between(0.0, time)

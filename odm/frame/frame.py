@@ -237,10 +237,8 @@ class Frame:
         """Copy and mark a frame's points (n, 3) of the world, as `checked` gave them.
 
         `trouble` says whether they can be used. Where they can, no time was given and
-        `q` is, the frame is answered from there in the same compiled call.
-
-        Returns:
-            What `respond` says, or NOT_ASKED (`odm/search/_step.py`).
+        `q` is, the frame is answered from there in the same compiled call: returns what
+        `respond` says, else NOT_ASKED (`odm/search/_step.py`).
         """
         if stamp is not None or now is not None or self._unfit is not None:
             q = None
@@ -635,12 +633,8 @@ class Frame:
     ) -> bool:
         """Run the close test of q + t dq, t in [0, 1], against points and all shapes.
 
-        Args:
-            q: (dof,) start [rad or m].
-            dq: (dof,) displacement.
-            cloud: The points, laid out; None: the frame's.
-            more: More distance than must be kept [m].
-            escape: Only what is too near now may be near; see `_close.py`.
+        The points laid out in `cloud` (None: the frame's), with `more` distance kept
+        [m]. With `escape` only what is too near now may be near; see `_close.py`.
         """
         test = self.close_test
         if more:

@@ -31,15 +31,7 @@ def is_free(
 ) -> Freedom:
     """Test a straight motion; see `ReactivePlanner.is_free`.
 
-    Args:
-        frame: Scenery, and the last frame's points.
-        q_a: (dof,) start [rad or m].
-        q_b: (dof,) end.
-        phase: "give", "receive" or None.
-        last_phase: What tests a phase; needed where one is given.
-
-    Raises:
-        BadInput: Wrong length or not finite, or a phase that cannot be.
+    Scenery and last points are the frame's; a phase is tested by `last_phase`.
     """
     ends = []
     for name, q in (("q_a", q_a), ("q_b", q_b)):

@@ -104,15 +104,9 @@ def next_ring(flat, top, chord):
 def walk_cap(flat, k_rim, chord, out, start):
     """Count the points of a unit cap within its rim ring; write them if there is room.
 
-    Args:
-        flat: True for a disc, False for a hemisphere.
-        k_rim: Points of the rim ring, which the tube provides.
-        chord: Covering radius divided by the radius.
-        out: (n, 3) radial x, radial y, height on the unit cap; n = 0 only counts.
-        start: First row to write.
-
-    Returns:
-        Number of points.
+    A disc where it is flat, else a hemisphere; the tube provides the `k_rim` points of
+    the rim ring. `chord` is the covering radius over the radius. They go to rows of
+    `out` from `start` on: radial x, radial y, height; no rows: they are only counted.
     """
     top = 0.0
     if k_rim >= 3:  # a rim of one or two points holds only if it covers the whole cap

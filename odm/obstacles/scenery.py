@@ -150,12 +150,8 @@ def shapes_of_tables(
 ) -> list[tuple[str, Shape]]:
     """Return (name, shape) of what [[scenery]] tables hold, but for half-spaces.
 
-    Args:
-        tables: As in a recipe; a plane or a `covering_radius` is refused.
-        folder: Where relative paths of files start; None: the current folder.
-
-    Raises:
-        BadRecipe: An unknown type or key, or a value that makes no solid.
+    Relative paths start at `folder`; None: the current one. A plane, a
+    `covering_radius` and unknown types, keys and values are refused.
     """
     found = []
     for k, table in enumerate(tables):

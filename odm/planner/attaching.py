@@ -349,13 +349,10 @@ class Attacher:
     def attach_free(self, most: int) -> int:
         """Join start and goals by up to `most` motions that the frame leaves free.
 
-        Of the nodes that wait those count that may lead on, by what this frame's
-        search knows; a few of them are looked at by the close test, which costs a
-        hundredth of what joining does. The others wait behind those. The goals have
-        their turn one after the other.
-
-        Returns:
-            How many nodes were tried.
+        Nodes that wait count if they may lead on, by what this frame's search knows; a
+        few of them are looked at by the close test, which costs a hundredth of what
+        joining does. The goals have their turn one after the other. Returns how many
+        nodes were tried.
         """
         self.tidy()
         m, left = self.frame.memory, most

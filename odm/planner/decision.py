@@ -173,14 +173,10 @@ class Decision:
         return done
 
     def join_more(self, most: int) -> bool:
-        """Join start and goals of a frame without a path to more nodes.
+        """Join start and goals of a frame without a path to `most` more nodes at most.
 
-        Args:
-            most: Nodes that are joined at most; each takes up to a millisecond.
-
-        Returns:
-            Whether any was; not where q was joined in this frame, the frame leaves no
-            waiting node free, or neither end can be left.
+        Each takes up to a millisecond. False where none was: q was joined in this
+        frame, the frame leaves no waiting node free, or neither end can be left.
         """
         attacher = self.attacher
         if self.joined or attacher.lacks_start or not attacher.lacks_nodes:

@@ -35,12 +35,8 @@ def solid_of(
 ) -> tuple[Solid, str]:
     """Return the solid of one shape, and a note where it had to be thickened.
 
-    Args:
-        shape: The shape.
-        owner: Its link.
-        index: Index of the link among those with geometry.
-        T_body_link: Pose of the link in its body, (4, 4) [m].
-        lookup: Path of the URDF and the package folders.
+    `owner` is its link, the `index`-th of those with geometry; `T_body_link` (4, 4)
+    places it in the body [m]. Meshes are looked up by the path of the URDF.
     """
     pose = T_body_link @ shape.T_link_shape
     if shape.kind == "box":

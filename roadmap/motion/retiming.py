@@ -63,15 +63,9 @@ def retimed(
 ) -> SpeedProfile:
     """Time a path anew from the state of a profile at `t`, or from a later piece on.
 
-    Args:
-        profile: The profile in use.
-        t: The present time on it [s].
-        path: The profile's own path up to arc length `same_until`.
-        scale: Share of the velocity limits to use, in (0, 1].
-        same_until: See `path` [rad or m of joint space].
-
-    Raises:
-        NoProfile: It is too fast for what lies ahead.
+    `path` is the profile's own up to arc length `same_until` [rad or m of joint space];
+    `scale` is the share of the velocity limits, in (0, 1]. NoProfile where it is too
+    fast for what lies ahead.
     """
     head = ProfileBuilder(profile.state(t))
     while True:
