@@ -102,7 +102,7 @@ def tell_story(
     record = recorder.record()
     # who moved the person has seen it
     film = request.film or (None if live else request.out / FILM)
-    files = _written(record, cell_map, request.record, film)
+    files = written(record, cell_map, request.record, film)
     found = figures_of(result) | {"files": [str(f) for f in files]}
     found["header"] = header(cell_map)
     found["story_sha256"] = record.head["outcome"]["story_sha256"]
@@ -160,20 +160,24 @@ def _about_place(setup: StorySetup, run: StoryPlay) -> str:
     return f"the object's place on the table is at ({x:.2f}, {y:.2f}) m, within reach"
 
 
-def _written(
-    record: RunRecord, cell_map: CellMap, recording: Path | None, film: Path | None
+def written(
+    record: RunRecord,
+    cell_map: CellMap,
+    recording: Path | None,
+    film: Path | None,
+    look: FilmSettings | None = None,
 ) -> list[Path]:
-    """Write what was asked for; return the files."""
+    """Write a story's recording and its film, where they are asked for."""
     files = []
     if recording is not None:
         files.append(write_record(record, recording))
     if film is not None:
-        files.append(filmed(record, cell_map, film))
+        files.append(_filmed(record, cell_map, film, look))
     return files
 
 
-def filmed(
-    record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None = None
+def _filmed(
+    record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None
 ) -> Path:
     """Write a recorded story as a film, with what stands around; return it."""
     still = all_triangles(shape for _, shape in cell_map.scenery.shapes())
