@@ -4,7 +4,6 @@ What each entry means is written in `docs/plans.md`, "The plan as a file".
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput
-from roadmap.unfinished import beside
+from roadmap.unfinished import put_file
 
 FORMAT, VERSION = "odm hand-over plan", 1
 WHO = ("giver", "receiver")
@@ -111,12 +110,8 @@ def plan_record(
 def write_plan(path: str | Path, record: Mapping) -> Path:
     """Write a plan as JSON, whole or not at all; `record` is `plan_record`'s."""
     check_record(record)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with beside(path) as made:
-        made.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-        os.replace(made, path)
-    return path
+    put_file(Path(path), json.dumps(record, allow_nan=False).encode())
+    return Path(path)
 
 
 def read_plan(path: str | Path) -> dict:

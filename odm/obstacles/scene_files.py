@@ -1,7 +1,6 @@
 """Scenes of other programs: MoveIt's `.scene` files, and URDFs as scenery."""
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from roadmap.errors import BadInput, BadRobot
 from roadmap.robot.description import Description, Joint, read_description
 from roadmap.robot.meshes import find_mesh
 from roadmap.transforms import joint_motion
+from roadmap.unfinished import beside
 
 KINDS = (".scene", ".urdf", ".xml")
 PLATE = (6.0, 6.0, 1.0)  # [m] that stands for a plane, beneath it
@@ -82,10 +82,11 @@ def write_scene(path: str | Path, objects: Sequence[Object]) -> Path:
         for lines, pose in parts:
             words += [*lines, *_pose_lines(pose), "0 0 0 0"]
         words.append("0")
-    text, fresh = "\n".join([*words, "."]) + "\n", path.with_name(f".{path.name}.new")
+    text = "\n".join([*words, "."]) + "\n"
     try:
-        fresh.write_text(text, encoding="utf-8")
-        os.replace(fresh, path)
+        with beside(path) as made:
+            made.write_text(text, encoding="utf-8")
+            made.replace(path)
     except OSError as error:
         raise BadInput(
             f"the scene {path} cannot be written ({error.strerror or error}); choose "
