@@ -18,7 +18,7 @@ from roadmap.loading.body_tree import drive
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import robot_file
 from roadmap.robot.robot import Robot
-from roadmap.transforms import pose_of
+from roadmap.transforms import pose_of, pose_with
 
 GRASPING = GraspSettings(samples=60)  # enough for one good grasp, in seconds
 MOST_RODS = 12  # each costs every frame
@@ -83,9 +83,7 @@ def held_mesh(
 def _held(thing: GraspObject, corners: np.ndarray, n_pads: int) -> HeldObject:
     """Return what is held, by its triangles (m, 3, 3) in the tool frame [m]."""
     points = corners.reshape(-1, 3)
-    T = np.eye(4)
-    T[:3, :3] = _OUT_OF_HAND
-    T[:3, 3] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    T = pose_with(_OUT_OF_HAND, 0.5 * (points.min(axis=0) + points.max(axis=0)))
     own = (corners - T[:3, 3]) @ T[:3, :3]
     end = float(own[..., 0].max())
     place = max(end - _FIST_FROM_END, end - 0.5 * FIST - 0.5 * _FIST_FROM_END)

@@ -20,7 +20,7 @@ from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
-from roadmap.transforms import rotation_about
+from roadmap.transforms import pose_with, rotation_about
 
 _SOLVE = SolveSettings()
 
@@ -303,10 +303,7 @@ def handover_poses(
     turned = [rotation_about(z, turn) @ least for turn in turns]
     for place in places:
         for R in turned:
-            T = np.eye(4)
-            T[:3, :3] = R
-            T[:3, 3] = place - R @ pair.of_receiver.thing.center
-            yield T
+            yield pose_with(R, place - R @ pair.of_receiver.thing.center)
 
 
 def min_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
 from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
+from roadmap.transforms import pose_of_flat
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 # the last two fifths of a chunk: children of its nearest pairs, in generations
@@ -134,9 +135,7 @@ class Auditor:
         else:
             start = self.asked.nodes[self.asked.edges[motion, 0]]
             q = start + t * self.asked.dq[motion]
-        T = np.eye(4)
-        T[:3, :3] = found.frame[k, :9].reshape(3, 3)
-        T[:3, 3] = found.frame[k, 9:]
+        T = pose_of_flat(found.frame[k])
         robot, part = self.cell_map.robot, int(found.part[k])
         link = robot.link_names[robot.solid_link[part]] if part >= 0 else "no link"
         which = int(pairs.obstacle[k])

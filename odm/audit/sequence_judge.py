@@ -19,6 +19,7 @@ from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
 from roadmap.kinematics.forward import difference
+from roadmap.transforms import pose_with, rotation_to_z
 
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
 TOLERANCE = 1e-6  # [m] of exact distances
@@ -317,7 +318,6 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
 
 def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
     """Return the shape of a row of `Scenery.solids`: a large box for a half-space."""
-    T = np.eye(4)
     if row[0] == 2.0:
         return Capsule.between(row[1:4], row[1:4] + row[4:7], row[7])
     if row[0] == 3.0:
@@ -327,12 +327,8 @@ def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
         corners = faces[int(row[5]) : int(row[6]), 4:].reshape(-1, 3)
         return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     if row[0] == 1.0:
-        T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), row[1:4]
+        T = pose_with(row[4:13].reshape(3, 3), row[1:4])
         return Box(2.0 * row[13:16], T)
     normal, offset = row[1:4], row[4]
-    aside = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = np.cross(aside, normal)
-    x /= np.linalg.norm(x)
-    T[:3, :3] = np.stack([x, np.cross(normal, x), normal], axis=1)
-    T[:3, 3] = (offset - 0.5 * GROUND) * normal
+    T = pose_with(rotation_to_z(normal), (offset - 0.5 * GROUND) * normal)
     return Box(np.full(3, GROUND), T)

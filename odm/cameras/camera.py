@@ -6,7 +6,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 LEAST_DEPTH = 0.03  # [m] no camera reads less
@@ -194,7 +194,4 @@ def look_at(
             "move one of them"
         )
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    pose[:3, 3] = eye
-    return pose
+    return pose_with(np.column_stack([x, np.cross(z, x), z]), eye)

@@ -14,7 +14,7 @@ from odm.obstacles.surfaces import surface_of
 from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import check_rpy, is_between
-from roadmap.transforms import pose_of
+from roadmap.transforms import pose_of, pose_with
 
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
 _BOX, _ROD, _CYLINDER, _HULL = 1.0, 2.0, 3.0, 4.0
@@ -86,8 +86,7 @@ class Scenery:
         for name, row in zip(self.names, self.solids, strict=True):
             kind, middle = row[0], row[1:4]
             if kind == _BOX:
-                T = np.eye(4)
-                T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), middle
+                T = pose_with(row[4:13].reshape(3, 3), middle)
                 found.append((name, Box(2.0 * row[13:16], T)))
             elif kind == _ROD:
                 found.append((name, Capsule.between(middle, middle + row[4:7], row[7])))

@@ -13,6 +13,7 @@ from roadmap.geometry.solids import Solid
 from roadmap.kinematics.axis_reach import group_reach, joint_span
 from roadmap.kinematics.joint_tree import PARENT
 from roadmap.robot.robot import SPHERE, Robot
+from roadmap.transforms import pose_with
 
 PAYLOAD = "payload"
 _NO_POINTS = np.empty((0, 3))
@@ -148,8 +149,7 @@ def _round(subdivisions: int) -> np.ndarray:
 
 
 def _ball(sphere: np.ndarray) -> Solid:
-    T = np.eye(4)
-    T[:3, 3] = sphere[:3]
+    T = pose_with(np.eye(3), sphere[:3])
     return Solid(SPHERE, 0, T, (float(sphere[3]), 0.0, 0.0), _NO_POINTS)
 
 

@@ -10,7 +10,7 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import pose_of
 
 IsFree = Callable[[np.ndarray, np.ndarray], object]
 
@@ -129,8 +129,7 @@ def reach_of(robot: Robot, nodes: np.ndarray) -> float:
 
 def _reaching(robot: Robot, nodes: np.ndarray, tool: np.ndarray, is_free: IsFree):
     """Return free configurations with the tool there, or the nearest free nodes."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_rpy(np.pi, 0.0, 0.0), tool
+    T = pose_of(tool, (np.pi, 0.0, 0.0))
     tools = np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
     order = np.argsort(np.linalg.norm(tools - tool, axis=1), kind="stable")
     near = nodes[order]

@@ -18,7 +18,7 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import pose_with, rotation_rpy
 from sim.story.settings import GraspingSettings
 
 _GRASPING = GraspingSettings()
@@ -46,12 +46,8 @@ class Reach:
 
 def quarter_turns(T_tool_object: np.ndarray, n: int = 4) -> np.ndarray:
     """Return a grasp in n turns about the tool's z, by quarters for 4, (n, 4, 4)."""
-    turns = []
-    for k in range(n):
-        T = np.eye(4)
-        T[:3, :3] = rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k)
-        turns.append(T @ T_tool_object)
-    return np.array(turns)
+    turns = [rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k) for k in range(n)]
+    return np.array([pose_with(R) @ T_tool_object for R in turns])
 
 
 def box_of(obj: HeldObject) -> Shape:
@@ -59,9 +55,7 @@ def box_of(obj: HeldObject) -> Shape:
     ends = np.vstack([obj.capsules[:, :3], obj.capsules[:, 3:6]])
     radii = np.tile(obj.capsules[:, 6], 2)[:, None]
     low, high = (ends - radii).min(axis=0), (ends + radii).max(axis=0)
-    T = np.eye(4)
-    T[:3, 3] = 0.5 * (low + high)
-    return Box(high - low, T)
+    return Box(high - low, pose_with(np.eye(3), 0.5 * (low + high)))
 
 
 def straight_back(
