@@ -44,6 +44,11 @@ def pose_with(
     return pose
 
 
+def moved_points(points: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Return points (..., 3) moved by a pose (4, 4) [m]."""
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
 def rotation_to_z(z: np.ndarray) -> np.ndarray:
     """Return a (3, 3) rotation whose z axis is a unit vector (3,)."""
     side = np.zeros(3)

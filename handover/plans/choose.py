@@ -20,7 +20,7 @@ from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
-from roadmap.transforms import pose_with, rotation_about
+from roadmap.transforms import moved_points, pose_with, rotation_about
 
 _SOLVE = SolveSettings()
 
@@ -274,8 +274,7 @@ def common_voxels(pair: Pair, near: float, solve: SolveSettings = _SOLVE) -> np.
     total = np.zeros(len(points))
     for mover in (pair.giver, pair.receiver):
         reach = reach_of(mover.limb, solve)
-        T = np.linalg.inv(mover.T_mount)
-        local = points @ T[:3, :3].T + T[:3, 3]
+        local = moved_points(points, np.linalg.inv(mover.T_mount))
         entry = reach.entries(local)
         value *= entry > 0.0
         total += entry / reach.average.max()

@@ -6,7 +6,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose, pose_with
+from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 LEAST_DEPTH = 0.03  # [m] no camera reads less
@@ -166,8 +166,7 @@ class DepthCamera:
         v, u = np.nonzero((image != NO_READING[0]) & (image != NO_READING[1]))
         z = self.scale * image[v, u]
         x, y = z * (u - self.cx) / self.fx, z * (v - self.cy) / self.fy
-        T = self.T_base_camera
-        return np.column_stack([x, y, z]) @ T[:3, :3].T + T[:3, 3]
+        return moved_points(np.column_stack([x, y, z]), self.T_base_camera)
 
 
 def look_at(

@@ -15,6 +15,7 @@ from odm.obstacles.grid import bounding_ball
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kinematics
 from roadmap.robot.robot import Robot
+from roadmap.transforms import moved_points
 
 _MOST_PAYLOAD = 64
 _NO_PAYLOAD = np.zeros((0, 4))
@@ -133,7 +134,7 @@ class BodySpheres:
             f = self._frames[robot.tip_body]
             turn = f[:9].reshape(3, 3)
             tip = robot.T_body_tip
-            local = payload[:, :3] @ tip[:3, :3].T + tip[:3, 3]
+            local = moved_points(payload[:, :3], tip)
             self._centers[n : n + len(payload)] = local @ turn.T + f[9:]
             self._radii[n : n + len(payload)] = payload[:, 3]
         if len(self.centers) != n + len(payload) or len(payload):

@@ -24,7 +24,7 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import polytope_around, with_payload
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of
 
 _NO_POINTS = np.empty((0, 3))
 _ROUNDING = 1e-9  # [m] an object as large as the envelope fits
@@ -178,8 +178,8 @@ class CarriedObject:
     def moved(self, T: np.ndarray) -> "CarriedObject":
         """Return it in another frame, T (4, 4)."""
         spheres = self.spheres.copy()
-        spheres[:, :3] = spheres[:, :3] @ T[:3, :3].T + T[:3, 3]
-        return CarriedObject(spheres, self.shell @ T[:3, :3].T + T[:3, 3], self.exact)
+        spheres[:, :3] = moved_points(spheres[:, :3], T)
+        return CarriedObject(spheres, moved_points(self.shell, T), self.exact)
 
 
 def carried_object(thing: object) -> CarriedObject:

@@ -36,6 +36,7 @@ from roadmap.arrays import is_lendable, lent
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
+from roadmap.transforms import moved_points
 
 
 class Cover(NamedTuple):
@@ -605,7 +606,7 @@ class Frame:
         self.base_world = self.world.T_base_world.copy()
         self.memory.patterns.base_world[:] = self.base_world
         move_solids(self.solids, self.base_world @ before)
-        p_world = self.points @ before[:3, :3].T + before[:3, 3]
+        p_world = moved_points(self.points, before)
         self.replace(self.world.points(p_world))
 
     # --- tests of motions ------------------------------------------------------

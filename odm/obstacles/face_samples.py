@@ -16,6 +16,7 @@ import numpy as np
 from odm.obstacles import shapes as solid
 from odm.obstacles.surfaces import SHRINK, Surface, check_spacing, face_points
 from roadmap.errors import BadInput
+from roadmap.transforms import moved_points
 
 
 def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
@@ -42,8 +43,7 @@ def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
                 edge[:, axis], edge[:, u] = side * size[axis], other * size[u]
                 edge[:, v] = lines[v]
                 parts.append(edge)
-    T = box.T_base_shape
-    points = np.concatenate(parts) @ T[:3, :3].T + T[:3, 3]
+    points = moved_points(np.concatenate(parts), box.T_base_shape)
     return Surface(points, spacing, "box", closed=True)
 
 

@@ -14,7 +14,7 @@ from odm.obstacles.surfaces import surface_of
 from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import check_rpy, is_between
-from roadmap.transforms import pose_of, pose_with
+from roadmap.transforms import moved_points, pose_of, pose_with
 
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
 _BOX, _ROD, _CYLINDER, _HULL = 1.0, 2.0, 3.0, 4.0
@@ -204,7 +204,7 @@ class _Made:
             row[7], row[8] = shape.radius, 0.5 * shape.length
         elif is_small_hull(shape):
             first = sum(map(len, self.faces))
-            vertices = shape.vertices @ T[:3, :3].T + T[:3, 3]
+            vertices = moved_points(shape.vertices, T)
             hull = hull_of(Mesh(vertices, shape.faces))
             self.faces.append(hull.faces)
             row[0], row[1:5] = _HULL, hull.ball

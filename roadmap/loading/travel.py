@@ -23,6 +23,7 @@ from roadmap.loading.body_tree import BodyTree, drive
 from roadmap.loading.finger_chain import Carried, has_limits
 from roadmap.robot.description import MOVABLE, Description, Link
 from roadmap.robot.robot import BOX, HULL
+from roadmap.transforms import moved_points
 
 WIDEST = 0.01  # [m] hulls grown by more than this are not worth having
 _MANY_CORNERS = 200  # hulls of more corners are simplified (by 0.2 mm at most)
@@ -112,8 +113,7 @@ def corners_of(solid: Solid) -> np.ndarray:
     if solid.kind == HULL:
         return _few(solid.body_points())
     if solid.kind == BOX:
-        T = solid.T_body_solid
-        return (_CORNERS * solid.size) @ T[:3, :3].T + T[:3, 3]
+        return moved_points(_CORNERS * solid.size, solid.T_body_solid)
     return shell(solid)
 
 
@@ -127,7 +127,7 @@ def _few(points: np.ndarray) -> np.ndarray:
 
 def _link_corners(solid: Solid, tree: BodyTree, link: str) -> np.ndarray:
     T_link_body = np.linalg.inv(tree.T_body_link[link])
-    return corners_of(solid) @ T_link_body[:3, :3].T + T_link_body[:3, 3]
+    return moved_points(corners_of(solid), T_link_body)
 
 
 def _hulls(carried: Carried, corners: np.ndarray) -> list[np.ndarray]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import GraspSet, load_hand
-from roadmap.transforms import pose_of_flat
+from roadmap.transforms import moved_points, pose_of_flat
 from sim.draw.style import (
     AMBER,
     FAINT,
@@ -63,7 +63,7 @@ def hand_triangles(grasps: GraspSet, row: int) -> np.ndarray:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
         T = pose_of_flat(frame) @ T
         corners = np.asarray(mesh.triangles)
-        found.append(corners @ T[:3, :3].T + T[:3, 3])
+        found.append(moved_points(corners, T))
     return np.concatenate(found)
 
 

@@ -8,6 +8,7 @@ from scipy.ndimage import binary_closing, gaussian_filter
 from handover import POSTURES, Human, Part
 from handover.human.anthropometry import ARM_JOINTS
 from roadmap.errors import BadInput
+from roadmap.transforms import moved_points
 from sim.draw.style import (
     AMBER,
     BLUE,
@@ -47,7 +48,7 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
     ratios = {"width_ratios": (1.15, 1.0, 0.95)}
     side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)
     shoulder = human.T_world_shoulder("right")
-    points = grip_points(human, 600_000) @ shoulder[:3, :3].T + shoulder[:3, 3]
+    points = moved_points(grip_points(human, 600_000), shoulder)
     points = points[points[:, 2] > 0.0]  # nobody reaches into the floor
     _draw_view(side, human, points, 1, shoulder[1, 3])
     set_title(side, "from the right")

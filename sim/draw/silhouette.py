@@ -5,6 +5,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import Robot
+from roadmap.transforms import moved_points
 from sim.draw.style import INK, PALE
 
 _STEP = 0.006  # [m] between the places that an outline is drawn from
@@ -81,7 +82,7 @@ def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
     for i, link in enumerate(robot.shell_link):
         own = slice(robot.shell_ptr[i], robot.shell_ptr[i + 1])
         T = T_world_base @ frames[robot.link_body[link]]
-        solids.append(robot.shell_points[own] @ T[:3, :3].T + T[:3, 3])
+        solids.append(moved_points(robot.shell_points[own], T))
     return Silhouette(polytopes=solids)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from odm import ReactivePlanner
 from odm.obstacles import shapes
 from odm.obstacles.surfaces import Surface
+from roadmap.transforms import moved_points
 
 _SECTIONS = 16  # facets of a round solid
 _GRAIN = 0.03  # [m] between the balls of a triangle
@@ -53,8 +54,7 @@ def triangles_of(shape: shapes.Shape) -> np.ndarray:
                 shape.radius, shape.length, sections=_SECTIONS
             )
         corners = np.asarray(mesh.triangles)
-    T = shape.T_base_shape
-    return corners @ T[:3, :3].T + T[:3, 3]
+    return moved_points(corners, shape.T_base_shape)
 
 
 def add_shaded(

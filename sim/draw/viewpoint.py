@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.transforms import pose_with
+from roadmap.transforms import moved_points, pose_with
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Camera:
         """Return (n, 2) pixels and (n,) distances along the view [m] of points."""
         points = np.asarray(points, float).reshape(-1, 3)
         T = self.view()
-        eye = points @ T[:3, :3].T + T[:3, 3]
+        eye = moved_points(points, T)
         distance = -eye[:, 2]
         P = self.projection()
         x = P[0, 0] * eye[:, 0] / distance

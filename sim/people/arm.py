@@ -14,7 +14,7 @@ from handover.human.anthropometry import (
 )
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import pose_of, rotation_rpy
+from roadmap.transforms import moved_points, pose_of, rotation_rpy
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -91,7 +91,7 @@ class HumanArm:
         fore = (self.lengths[1] - self.radii[1]) * (bent @ _DOWN)
         joints = np.zeros((3, 3))
         joints[1], joints[2] = upper, upper + fore
-        joints = joints @ T[:3, :3].T + T[:3, 3]
+        joints = moved_points(joints, T)
         found = np.empty((2, 7))
         found[:, :3], found[:, 3:6], found[:, 6] = joints[:-1], joints[1:], self.radii
         return found

@@ -6,7 +6,7 @@ import numpy as np
 
 from handover.plans.limb import AgentModel, Part, agent_model
 from roadmap.errors import BadInput
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import moved_points, rotation_rpy
 
 REACH = "approach"  # the motion that brings the receiver's hand to the object
 _TURN = np.radians(1.0) / 0.01  # [rad/m] that it is turned where it stands elsewhere
@@ -74,7 +74,7 @@ class PlannedReceiver:
         joints = self._joints | dict(zip(self._names, row.tolist(), strict=True))
         frames = self._model.frames(joints)[self._body]
         R = self._T[:3, :3] @ frames[:, :9].reshape(-1, 3, 3)
-        p = frames[:, 9:] @ self._T[:3, :3].T + self._T[:3, 3]
+        p = moved_points(frames[:, 9:], self._T)
         ends = [(R @ x[:, :, None])[:, :, 0] + p for x in (self._a, self._b)]
         return np.hstack([*ends, self._radius[:, None]])
 
