@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import self_collision
 from roadmap.kinematics import _chain as kernels
@@ -61,9 +61,8 @@ class Chain:
         Raises:
             BadInput: Arrays that do not belong together, or a limit that is none.
         """
-        for name in _ARRAYS[:-1]:
-            dtype = np.int32 if name == "kind" else np.float64
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, fixed=float, kind=np.int32, scale=float)
+        freeze(self, limits=float, endless=float)
         n, dof = len(self.kind), len(self.joint_names)
         shapes = {
             "fixed": (n + 1, 12),
@@ -88,7 +87,7 @@ class Chain:
             )
         if self.length is None:
             object.__setattr__(self, "length", np.array([0.5 * self._stretch()]))
-        object.__setattr__(self, "length", frozen(self.length, np.float64))
+        freeze(self, length=float)
 
     def _stretch(self) -> float:
         """Return a bound on the distance of the tool from the first joint."""

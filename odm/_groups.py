@@ -69,13 +69,9 @@ def new(kind: type, sizes: dict[str, int], **given: object) -> Any:  # noqa: ANN
 def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
     """Refuse groups that compiled loops would read as something else than they are.
 
-    Args:
-        groups: The class that is declared and the group, by the group's name.
-        block: Type of ids of blocks.
-
-    Raises:
-        BadInput: A group of another class; an array of another type, rank or length
-            than its class declares, or one that is not contiguous.
+    `groups` maps a name to the class that is declared and the group; `block` is the
+    type of ids of blocks. BadInput for another class, type, rank or length than
+    declared, and for arrays that are not contiguous.
     """
     sizes: dict[str, int] = {}
     for name, (kind, group) in groups.items():

@@ -202,12 +202,9 @@ class Work:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Whether a motion is free; true or false, and which test failed.
+    """Whether a motion is free; true or false, and which test failed, with a sentence.
 
-    Attributes:
-        free: True when all tests passed over the whole motion.
-        failed: "limits", "self-collision", "scenery" or "frame"; None when free.
-        reason: One sentence; empty when free.
+    `failed` is "limits", "self-collision", "scenery", "frame", or None when free.
     """
 
     free: bool

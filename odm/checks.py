@@ -47,11 +47,7 @@ def check_points(
 
 
 def check_classes(classes: object, n: int) -> np.ndarray | None:
-    """Return the classes of n points as (n,) int8, None for `avoid` alone.
-
-    Raises:
-        BadInput: Wrong number, or a class that there is not.
-    """
+    """Return the classes of n points as (n,) int8, None for `avoid` alone."""
     if classes is None:
         return None
     array = np.asarray(classes)
@@ -70,12 +66,10 @@ def check_classes(classes: object, n: int) -> np.ndarray | None:
 
 
 def as_floats(name: str, values: object) -> np.ndarray:
-    """Return values as a float64 array that compiled loops take: writeable, aligned.
+    """Return real numbers as a float64 array that loops take: writeable, aligned.
 
-    An array that is one already comes back as it is.
-
-    Raises:
-        BadInput: Rows of unequal length, or anything but real numbers.
+    An array that is one already comes back as it is; rows of unequal length are
+    refused.
     """
     try:
         array = np.asarray(values)

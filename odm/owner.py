@@ -24,11 +24,7 @@ class Owner:
         self.thread = get_ident()
 
     def check(self) -> None:
-        """Refuse to serve another thread.
-
-        Raises:
-            BadInput: This thread is not the owner.
-        """
+        """Refuse to serve another thread."""
         if get_ident() != self.thread:
             main = " (the main thread)" if self.thread == main_thread().ident else ""
             raise BadInput(
@@ -44,11 +40,7 @@ class Owner:
 
 
 def refuse_copy() -> NoReturn:
-    """Say what to do instead of copying or pickling a planner.
-
-    Raises:
-        BadInput: Always.
-    """
+    """Refuse to copy or pickle a planner, and say what to do instead."""
     raise BadInput(
         "a planner cannot be copied or pickled, since its memory is known by its "
         "addresses; make another planner on the same map: ReactivePlanner(cell_map), "

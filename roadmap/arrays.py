@@ -24,6 +24,12 @@ def writable(array: np.ndarray) -> np.ndarray:
     return result if result.flags.writeable else result.copy()
 
 
+def freeze(data: object, **kinds: np.dtype | type) -> None:
+    """Make arrays of a frozen dataclass read-only, each of the type that is given."""
+    for name, kind in kinds.items():
+        object.__setattr__(data, name, frozen(getattr(data, name), kind))
+
+
 class _Lent:
     """What numpy takes an array from that it then believes may be written to."""
 

@@ -29,6 +29,7 @@ from roadmap.errors import BuildRefused
 from roadmap.unfinished import put_file
 
 Arrays = tuple[np.ndarray, ...]
+Progress = Callable[[str, int, int], None]  # called with stage, done, total
 _PACKAGES = ("roadmap", "odm", "handover")  # whose text decides what chunks hold
 _DIGEST = 32  # bytes before what is stored
 _AHEAD = 4  # chunks handed out, for each worker, before the first is taken back
@@ -118,11 +119,7 @@ class ChunkStore:
         return unpacked(data[_DIGEST:])
 
     def put(self, name: str, arrays: Arrays) -> None:
-        """Store a chunk.
-
-        Raises:
-            BuildRefused: The disk is full, or may not be written.
-        """
+        """Store a chunk; BuildRefused where the disk is full or may not be written."""
         data = packed(arrays)
         try:
             with self._lock:
@@ -229,15 +226,9 @@ def chunk_name(key: str, chunk: Chunk) -> str:
 
 
 def do_chunk(job: Job, key: str, chunk: Chunk) -> Arrays:
-    """Do a chunk here.
+    """Do a chunk here; ChunkFailed names the item that raised.
 
-    Args:
-        job: The job.
-        key: Its key; `made` is kept under it.
-        chunk: The chunk.
-
-    Raises:
-        ChunkFailed: An item raised; it is named.
+    What the job makes first is kept under its `key`.
     """
     made = _made(job, key)
     function = _named(job.function)

@@ -158,11 +158,9 @@ class Cluster:
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order.
 
-        Raises:
-            ChunkFailed: An item raised; it is named.
-            ForeignWorker: A worker that came later runs another version.
-            BuildRefused: The scheduler stayed away, a disk is full, or a chunk ends
-                every worker that tries it.
+        Raises ChunkFailed for an item, ForeignWorker for one that came later,
+        BuildRefused where scheduler or disk fails or a chunk ends every worker that
+        tries it.
         """
         hand = _Hand(self.ready(), job)
         source = iter(parts)
@@ -178,11 +176,7 @@ class Cluster:
             hand.drop(waiting)
 
     def _connect(self, until: float, workers: int = 1) -> None:
-        """Reach the scheduler and look at its workers, until a time.
-
-        Raises:
-            BuildRefused: It does not answer.
-        """
+        """Reach the scheduler and look at its workers until a time, or refuse."""
         while True:
             left = min(_CONNECT_S, max(0.5, until - time.monotonic()))
             try:
@@ -422,14 +416,7 @@ def _told_by_worker() -> dict[str, str]:
 
 
 def refuse_foreign(workers: dict[str, Any]) -> None:
-    """Refuse workers that run another program.
-
-    Args:
-        workers: What `about` gave, or the error it raised, by address.
-
-    Raises:
-        ForeignWorker: One of them differs; it is named, with what differs.
-    """
+    """Refuse workers, by address, that run another program; say what differs."""
     for address, found in workers.items():
         if found != about():
             raise ForeignWorker(_foreign(f"worker {address}", found, about()))

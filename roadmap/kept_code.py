@@ -8,11 +8,7 @@ from numba.core.dispatcher import Dispatcher
 
 
 class KeptTypes(IndexDataCacheFile):
-    """The types of arguments for which code of a loop is kept.
-
-    Args:
-        loop: A function compiled with `cache=True`.
-    """
+    """The types of arguments for which code of a compiled loop is kept."""
 
     def __init__(self, loop: Dispatcher) -> None:
         """Find the file; it is not read yet."""
@@ -28,15 +24,9 @@ class KeptTypes(IndexDataCacheFile):
 
 
 def load_kept(loops: Iterable[Dispatcher]) -> int:
-    """Load what is kept of loops, so that their first calls need not.
+    """Load what is kept of compiled loops; return for how many types of arguments.
 
-    This is a start ahead and no more: what cannot be loaded is left to the first call.
-
-    Args:
-        loops: Functions compiled with `cache=True`.
-
-    Returns:
-        For how many types of arguments code was loaded.
+    A start ahead and no more: what cannot be loaded is left to the first call.
     """
     loaded = 0
     for loop in loops:

@@ -25,11 +25,7 @@ _PLAIN = re.compile(r"^[ \t]*import ([\w., ]+)", re.MULTILINE)
 
 
 class Sources:
-    """The Python files of the packages in a folder, and what each imports.
-
-    Args:
-        root: The folder that holds the packages.
-    """
+    """The Python files of the packages in the folder `root`, and what each imports."""
 
     def __init__(self, root: Path) -> None:
         """Read nothing yet."""
@@ -71,14 +67,10 @@ class Sources:
 
 
 def drop_stale_code(root: Path | None = None) -> list[Path]:
-    """Delete compiled loops that do not belong to the present sources.
+    """Delete compiled loops that do not belong to the sources; return their files.
 
-    Args:
-        root: The folder that holds the packages; None: the one this file lies in.
-
-    Returns:
-        The files whose code was dropped. Folders that cannot be written are left
-        alone.
+    `root` holds the packages; None: where this file lies. A folder that cannot be
+    written is left alone.
     """
     sources = Sources(root or Path(__file__).parents[1])
     folders: dict[Path, dict[str, str]] = {}

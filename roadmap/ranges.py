@@ -24,18 +24,10 @@ def check_number(
     whole: bool = False,
     where: str = "",
 ) -> float:
-    """Return a number from low to high.
+    """Return a number, or a whole one, from low to high; else refuse it.
 
-    Args:
-        name: What it is, with its unit where it has one.
-        value: The number.
-        low: Least that is taken.
-        high: Largest that is taken.
-        whole: Only whole numbers are.
-        where: In what to change it; empty: in the call.
-
-    Raises:
-        BadInput: It is not; names value, limits and where to change it.
+    `name` says what it is, with its unit; `where` in what to change it, empty: in the
+    call.
     """
     sound = is_between(value, low, high)
     if sound and not (whole and not isinstance(value, Integral)):
@@ -51,11 +43,7 @@ def check_number(
 def check_rpy(
     where: str, rpy: Iterable[float], error: type[BadInput] = BadInput
 ) -> None:
-    """Refuse roll, pitch and yaw beyond a whole turn [rad]: a person wrote degrees.
-
-    Raises:
-        BadInput: Or `error`; names the angles, says that they look like degrees.
-    """
+    """Refuse roll, pitch and yaw beyond a whole turn [rad]: a person wrote degrees."""
     angles = [float(angle) for angle in rpy]
     if max(map(abs, angles)) > 2.0 * math.pi:
         raise error(
@@ -67,11 +55,7 @@ def check_rpy(
 def check_kind(
     name: str, value: object, kinds: type | tuple[type, ...], remedy: str
 ) -> None:
-    """Refuse a value of another class, such as a path where a map is wanted.
-
-    Raises:
-        BadInput: Names what was given, and the remedy.
-    """
+    """Refuse a value of another class, such as a path for a map, with the remedy."""
     if not isinstance(value, kinds):
         shown = repr(value)
         shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
@@ -83,15 +67,9 @@ def check_settings(
     ranges: Mapping[str, tuple[float, float, str]],
     whole: tuple[str, ...] = (),
 ) -> None:
-    """Check numbers of a frozen settings object.
+    """Check numbers of a frozen settings object: `ranges` are (least, largest, unit).
 
-    Args:
-        settings: The object.
-        ranges: Least and largest value of each field, and its unit.
-        whole: Fields that are counts.
-
-    Raises:
-        BadInput: A field holds anything else; names it, its value and its limits.
+    `whole` names the fields that are counts; a sentence names field, value and limits.
     """
     for field, (low, high, unit) in ranges.items():
         value = getattr(settings, field)

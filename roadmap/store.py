@@ -23,15 +23,11 @@ _MANIFEST = "manifest.json"
 
 
 def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
-    """Write arrays and manifest to a folder, atomically; an old one is replaced.
+    """Write arrays by name and a manifest of plain JSON data to a folder, atomically.
 
-    Everything is written to a temporary folder beside it and renamed, so a killed
-    build leaves the old folder or the new one, never half of one.
-
-    Args:
-        path: The folder.
-        manifest: Plain JSON data; format version and array table are added.
-        arrays: Arrays by name.
+    Everything is written to a temporary folder beside it and renamed, so a killed build
+    leaves the old folder or the new one, never half of one. Format version and array
+    table are added to the manifest.
     """
     check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
     path = Path(path)
@@ -84,11 +80,7 @@ def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
 
 @contextmanager
 def made_of(path: str | Path) -> Iterator[None]:
-    """Make one sentence of what goes wrong when a manifest becomes a map.
-
-    Raises:
-        BadMap: The manifest lacks something, or holds it in a wrong form.
-    """
+    """Make one sentence of what goes wrong when a manifest becomes a map."""
     try:
         yield
     except PlanningError:

@@ -32,10 +32,30 @@ def pose_of(
     rpy: Sequence[float] | np.ndarray = (0, 0, 0),
 ) -> np.ndarray:
     """Return the (4, 4) pose of a position [m] and roll, pitch, yaw [rad]."""
+    return pose_with(rotation_rpy(*rpy), position)
+
+
+def pose_with(
+    rotation: np.ndarray, position: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> np.ndarray:
+    """Return the (4, 4) pose of a (3, 3) rotation and a position [m]."""
     pose = np.eye(4)
-    pose[:3, :3] = rotation_rpy(*rpy)
-    pose[:3, 3] = position
+    pose[:3, :3], pose[:3, 3] = rotation, position
     return pose
+
+
+def moved_points(points: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Return points (..., 3) moved by a pose (4, 4) [m]."""
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def rotation_to_z(z: np.ndarray) -> np.ndarray:
+    """Return a (3, 3) rotation whose z axis is a unit vector (3,)."""
+    side = np.zeros(3)
+    side[np.argmin(np.abs(z))] = 1.0
+    x = np.cross(side, z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 def flat_pose(T: np.ndarray) -> np.ndarray:
@@ -45,17 +65,12 @@ def flat_pose(T: np.ndarray) -> np.ndarray:
 
 def pose_of_flat(row: np.ndarray) -> np.ndarray:
     """Return the (4, 4) pose of a row (12,), see `flat_pose` [m]."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = row[:9].reshape(3, 3), row[9:]
-    return T
+    return pose_with(row[:9].reshape(3, 3), row[9:])
 
 
 def inverse_pose(T: np.ndarray) -> np.ndarray:
     """Return the inverse (4, 4) of a rigid motion (4, 4) [m]."""
-    inverse = np.eye(4)
-    inverse[:3, :3] = T[:3, :3].T
-    inverse[:3, 3] = -T[:3, :3].T @ T[:3, 3]
-    return inverse
+    return pose_with(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
@@ -66,12 +81,9 @@ def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
 
 
 def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
-    """Return the (4, 4) motion that a joint of a URDF makes [m].
+    """Return the (4, 4) motion [m] that a URDF's joint of a `kind` makes at `value`.
 
-    Args:
-        kind: "prismatic", "revolute", "continuous" or "fixed".
-        axis: (3,) of length 1, in the joint's frame.
-        value: Of the joint [rad or m]; nothing to a fixed one.
+    `axis` (3,) has length 1, in the joint's frame; a fixed joint takes no value.
     """
     T = np.eye(4)
     if kind == "prismatic":
@@ -82,11 +94,7 @@ def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
 
 
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
-    """Return `pose` as float (4, 4).
-
-    Raises:
-        BadInput: Wrong shape, not finite, or not a rigid motion.
-    """
+    """Return a rigid `pose` as float (4, 4); refuse anything else by its name."""
     try:
         pose = np.asarray(pose, float)
     except (TypeError, ValueError) as error:

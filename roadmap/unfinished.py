@@ -30,8 +30,7 @@ def is_special(path: Path) -> bool:
 def beside(path: Path) -> Iterator[Path]:
     """Yield a free name beside `path`; what is still there at the end is removed.
 
-    Raises:
-        OSError: There is a device or a pipe, which a file renamed to it would replace.
+    OSError for a device or a pipe, which a file renamed to it would replace.
     """
     if is_special(path):
         raise OSError(errno.EINVAL, "is a device or a pipe; name a file", str(path))

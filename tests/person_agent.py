@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
-from handover.human.body import Part
+from handover.human.body import SIDES, Part
 from handover.human.human import Human
-from handover.human.human_arm import SIDES
 
 HEIGHT = 1.75  # [m] of maps/person.urdf
 # axes of the arm's hinges at zero, right arm, shoulder frame; a left arm mirrors them

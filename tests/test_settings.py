@@ -47,11 +47,11 @@ from sim.maintenance.play import CycleSettings
 from sim.story.cases import InReachSettings
 from sim.story.pull import PullSettings
 from sim.story.settings import (
+    ComfortRodSettings,
     ComfortSettings,
     ConductSettings,
     GraspingSettings,
     GripperSettings,
-    ShunnedSettings,
     StorySettings,
 )
 from sim.two.two_members import TwoSettings
@@ -90,7 +90,7 @@ SETTINGS = [
     ConductSettings,
     GraspingSettings,
     GripperSettings,
-    ShunnedSettings,
+    ComfortRodSettings,
     InReachSettings,
     CycleSettings,
     NewPathSettings,

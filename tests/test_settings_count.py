@@ -30,9 +30,9 @@ from odm.planner.settings import ImproveSettings
 from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import corner_gain
 from roadmap.motion.motion import time_path
-from sim.story.comfort import shunned
+from sim.story.comfort import comfort_rods
 from sim.story.play import Fingers
-from sim.story.settings import ComfortSettings, GripperSettings, ShunnedSettings
+from sim.story.settings import ComfortRodSettings, ComfortSettings, GripperSettings
 
 PERIOD = 0.01
 
@@ -144,13 +144,13 @@ def test_fingers_close_as_quickly_and_let_go_as_late_as_they_are_told():
     assert fingers.share == pytest.approx(0.9) and fingers.T_tool_object is None
 
 
-def test_rods_that_are_shunned_lie_where_they_are_told_to():
+def test_comfort_rods_lie_where_they_are_told_to():
     human = handover.Human(1.75).looking([1.0, 0.0, 0.0])
     hand = np.flatnonzero(human.labels == handover.Part.RIGHT_HAND)
     told = human.capsules(), human.labels, hand, human.gaze
     for behind in (0.2, 0.5):
-        rods = ShunnedSettings(behind=behind, down=0.4)
-        *_, rod = shunned(*told, ComfortSettings(), rods)
+        rods = ComfortRodSettings(behind=behind, down=0.4)
+        *_, rod = comfort_rods(*told, ComfortSettings(), rods)
         assert rod[2] - rod[5] == pytest.approx(0.4)
         head = human.capsules()[human.labels == handover.Part.HEAD, :6]
         face = head.reshape(-1, 3).mean(axis=0)

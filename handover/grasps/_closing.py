@@ -215,15 +215,10 @@ def close_joint(hand, state, d, end, mesh, tolerance):
 
 @njit(**FULL)
 def touching(hand, state, points, within, link, gap):
-    """Find the surface points that a solid is near to.
+    """Find the surface points that a solid of the hand is nearer to than `within` [m].
 
-    Args:
-        hand: The hand.
-        state: Where it is.
-        points: Convexes of one point each, object frame.
-        within: What counts as near [m].
-        link: (n,) out: the link of the nearest solid, -1 where none is near.
-        gap: (n,) out: its distance [m].
+    `points` are convexes of one point each, object frame. `link` (n,) gets the link of
+    the nearest solid, -1 where none is near, `gap` (n,) its distance [m].
     """
     still = np.zeros(12)
     still[0], still[4], still[8] = 1.0, 1.0, 1.0

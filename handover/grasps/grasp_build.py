@@ -3,7 +3,6 @@
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 
@@ -23,11 +22,11 @@ from handover.grasps.holding import (
 )
 from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.ranges import check_settings
 from roadmap.transforms import pose_of_flat
 
-Progress = Callable[[str, int, int], None]
 _RANGES = {
     "samples": (1, 5000, ""),
     "rolls": (1, 72, ""),
@@ -193,11 +192,7 @@ def _above(
 def _first_that_holds(
     work: _Work, point: np.ndarray, normal: np.ndarray, R: np.ndarray, gaps: np.ndarray
 ) -> tuple[_Grasp | None, int, str]:
-    """Try palms at gaps along the normal until a preshape holds.
-
-    Returns:
-        (grasp or None, index of its gap, why none holds).
-    """
+    """Return (grasp or None, index of its gap, why none holds), palm by palm."""
     settings, hand = work.settings, work.hand
     why, T = "the hand is in the object or touches nothing", np.eye(4)
     T[:3, :3] = R

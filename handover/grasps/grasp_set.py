@@ -7,7 +7,7 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject, make_object
 from odm.obstacles.shapes import Mesh
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadMap
 from roadmap.store import made_of, read_folder, write_folder
 
@@ -62,8 +62,7 @@ class GraspSet:
     hash: str = ""
 
     def __post_init__(self) -> None:
-        for name, dtype in _ARRAYS.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, **_ARRAYS)
 
     def __len__(self) -> int:
         """Return the number of grasps."""

@@ -150,11 +150,7 @@ def hand_names() -> list[str]:
 
 
 def hand_spec(name: str) -> HandSpec:
-    """Return what is known of a hand.
-
-    Raises:
-        BadInput: No hand has that name; lists them.
-    """
+    """Return what is known of a hand; BadInput lists the known names."""
     if name in _ALSO or name in _HANDS:
         return _HANDS[_ALSO.get(name, name)]
     near = difflib.get_close_matches(str(name), hand_names(), n=1)

@@ -26,13 +26,7 @@ _HOLD = HoldSettings()
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Many points of an object's surface, where contacts are looked for.
-
-    Attributes:
-        points: (n, 3) object frame [m].
-        normals: (n, 3) outwards.
-        convexes: The same points for the kernels.
-    """
+    """Points (n, 3) of an object's surface [m] with normals outwards, for contacts."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -67,16 +61,10 @@ def contacts_of(
     within: float,
     hold: HoldSettings = _HOLD,
 ) -> Contacts:
-    """Return where a hand touches, a few places a link.
+    """Return where a closed hand touches, a few places a link.
 
-    Fewer places than there are withstand less, so what is told to hold, holds.
-
-    Args:
-        hand: The hand.
-        state: Where it is, closed.
-        skin: The object's surface.
-        within: How far pads give way: what is nearer touches [m].
-        hold: How many places.
+    Fewer places than there are withstand less, so what is told to hold, holds. Pads
+    give way by `within` [m]: what is nearer touches.
     """
     link = np.empty(len(skin.points), np.int64)
     gap = np.empty(len(skin.points))
@@ -95,12 +83,8 @@ def wrenches(
 ) -> np.ndarray:
     """Return the wrenches (n * edges, 6) of the edges of all friction pyramids.
 
-    Args:
-        contacts: Where forces act.
-        center: Moments are about this point, (3,) [m].
-        radius: Moments are divided by this length [m].
-        friction: Coefficient of Coulomb's law.
-        edges: Of a pyramid.
+    Moments are about `center` (3,) [m] and divided by `radius` [m]; `friction` is
+    Coulomb's coefficient.
     """
     n = contacts.normals
     helper = np.where(np.abs(n[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -120,8 +104,8 @@ def wrenches(
 def quality_bound(points: np.ndarray, hold: HoldSettings = _HOLD) -> float:
     """Return a bound that `closure_quality` of wrenches (n, 6) does not exceed.
 
-    The hull withstands a push along a unit vector u no farther than its farthest point
-    along u: the smallest such distance found over many u, and by descent from the best.
+    A push along a unit vector u is withstood no farther than the hull's farthest point
+    along u: the smallest of many u, improved by descent.
     """
     if len(points) < 7:
         return 0.0

@@ -16,7 +16,7 @@ from odm.obstacles.mesh_surface import closed_triangles
 from odm.obstacles.shapes import Mesh
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of
 
 LARGEST, SMALLEST = 1.0, 0.005  # [m] longest edge of the box of what hands pass on
 _SIDES = 24  # facets of a round part
@@ -60,9 +60,7 @@ class GraspObject:
 
 def part_triangles(part: Mesh) -> np.ndarray:
     """Return the corners (m, 3, 3) of a mesh at its pose [m]."""
-    T = part.T_base_shape
-    corners = part.vertices[part.faces]
-    return corners @ T[:3, :3].T + T[:3, 3]
+    return moved_points(part.vertices[part.faces], part.T_base_shape)
 
 
 def make_object(
@@ -218,7 +216,7 @@ def _placed(mesh: Mesh, T: np.ndarray | None) -> Mesh:
     """Return the mesh with its vertices moved, so that its pose stays the identity."""
     if T is None:
         return mesh
-    return Mesh(mesh.vertices @ T[:3, :3].T + T[:3, 3], mesh.faces)
+    return Mesh(moved_points(mesh.vertices, T), mesh.faces)
 
 
 _ALONG_X = pose_of((0.0, 0.0, 0.0), (0.0, 0.5 * np.pi, 0.0))

@@ -18,7 +18,7 @@ from roadmap.loading.body_tree import drive
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import robot_file
 from roadmap.robot.robot import Robot
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of, pose_with
 
 GRASPING = GraspSettings(samples=60)  # enough for one good grasp, in seconds
 MOST_RODS = 12  # each costs every frame
@@ -68,7 +68,7 @@ def held_mesh(
     best, most = None, -np.inf
     for T_object_palm in grasps.T_object_palm:
         T = T_tool_palm @ np.linalg.inv(T_object_palm)  # of the object, in the tool
-        points = corners.reshape(-1, 3) @ T[:3, :3].T + T[:3, 3]
+        points = moved_points(corners.reshape(-1, 3), T)
         out = float(points[:, 2].max() - T_tool_palm[2, 3]) - hand.reach
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
         score = min(out, _ENOUGH) - float(np.linalg.norm(middle[:2]))
@@ -80,15 +80,13 @@ def held_mesh(
             f"{100 * max(sticks_out, 0.0):.1f} cm however it is held, but a person's "
             f"hand needs {100 * FIST:.0f} cm; give a longer object"
         )
-    return _held(thing, corners @ best[:3, :3].T + best[:3, 3], len(pads))
+    return _held(thing, moved_points(corners, best), len(pads))
 
 
 def _held(thing: GraspObject, corners: np.ndarray, n_pads: int) -> HeldObject:
     """Return what is held, by its triangles (m, 3, 3) in the tool frame [m]."""
     points = corners.reshape(-1, 3)
-    T = np.eye(4)
-    T[:3, :3] = _OUT_OF_HAND
-    T[:3, 3] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    T = pose_with(_OUT_OF_HAND, 0.5 * (points.min(axis=0) + points.max(axis=0)))
     own = (corners - T[:3, 3]) @ T[:3, :3]
     end = float(own[..., 0].max())
     place = max(end - _FIST_FROM_END, end - 0.5 * FIST - 0.5 * _FIST_FROM_END)
@@ -204,7 +202,7 @@ def _balls_of_hand(robot: Robot, pads: Sequence[str]) -> tuple[np.ndarray, np.nd
     links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
     balls = cover_balls(robot, q)[robot.moving]
     T = np.linalg.inv(tool_pose(robot, q))
-    balls[:, :3] = balls[:, :3] @ T[:3, :3].T + T[:3, 3]
+    balls[:, :3] = moved_points(balls[:, :3], T)
     return balls[[n in own for n in links]], balls[[n in pads for n in links]]
 
 

@@ -95,11 +95,7 @@ def check_height(height: float, instead: str) -> float:
 
 
 def check_thickness(thickness: str, of: str = "a body") -> str:
-    """Return the name of a row of `RADII`.
-
-    Raises:
-        BadInput: It is unknown; the known ones are listed.
-    """
+    """Return the name of a row of `RADII`; BadInput lists the known ones."""
     if thickness not in RADII:
         raise BadInput(
             f"no thickness {thickness!r} of {of}; choose one of {', '.join(RADII)}"

@@ -54,6 +54,10 @@ JOINTS = (  # `hand` is the wrist, or a marker on the back of the hand
 )
 COLUMN = {name: i for i, name in enumerate(JOINTS)}
 _NO_LEGS, _HERE = np.zeros((0, 7)), np.eye(4)
+ARM_LABELS = {  # hand, forearm, upper arm
+    "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),
+    "left": (Part.LEFT_HAND, Part.LEFT_FOREARM, Part.LEFT_UPPER_ARM),
+}
 LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from handover.human import anthropometry as body
 from handover.human.anthropometry import ARM_RANGES
-from handover.human.body import ARM, JOINTS, BodySizes
+from handover.human.body import ARM, JOINTS, SIDES, BodySizes
 from handover.human.human import Human
-from handover.human.human_arm import MIRROR, SIDES, check_side
+from handover.human.human_arm import MIRROR, check_side
 from handover.human.skeleton import Skeleton
 from roadmap.errors import BadInput
-from roadmap.transforms import check_pose, rotation_rpy
+from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
 # What a degree outside the range counts, of the first four joints: an elbow that bends
 # back is far less likely than a rotation beyond the textbook's, which a few centimetres
@@ -71,8 +71,7 @@ def human_from_joints(
     skeleton = _skeleton(at, sides, height, palm, (R, neck, hip))
     hands = {check_side(side): turn for side, turn in (hands or {}).items()}
     joints = {s: _arm_joints(s, at, R, hands.get(s)) for s in sides}
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, hip - R @ skeleton.hips.mean(axis=0)
+    T = pose_with(R, hip - R @ skeleton.hips.mean(axis=0))
     straight = np.zeros(3)  # the bend of the trunk is in R already
     return Human(
         height, posture, T, joints, gaze, skeleton, thickness=thickness, bend=straight
@@ -262,9 +261,7 @@ def _arm_joints(
     if f"{side}_tip" in at and np.linalg.norm(at[f"{side}_tip"] - wrist) > 1e-3:
         fingers = flip @ R.T @ _unit(at[f"{side}_tip"] - wrist)
     if R_hand is not None:
-        T = np.eye(4)
-        T[:3, :3] = R_hand
-        given = check_pose(T, f"the {side} hand's rotation")[:3, :3]
+        given = check_pose(pose_with(R_hand), f"the {side} hand's rotation")[:3, :3]
         R_hand = flip @ R.T @ given @ flip
     return arm_joints(u, v, fingers, R_hand)
 

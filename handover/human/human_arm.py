@@ -22,11 +22,11 @@ from handover.human._arm_ik import MAX_SPANS, SPANS, WORK_ROWS
 from handover.human._arm_solve import solvable_poses, solve_arm
 from handover.human._human_arm import arm_axes, arm_jacobian, arm_pose
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
-from roadmap.arrays import frozen
+from handover.human.body import SIDES
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, flat_pose, pose_of_flat
 
-SIDES = ("left", "right")
 STEP = math.radians(15.0)  # [rad] between representatives, unless another is asked for
 # [deg] what a range may span, for the closed form to hold
 _ROOM_DEG = (
@@ -76,9 +76,7 @@ class ArmSolutions:
     spans: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("q", "swivel", "spans"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
-        object.__setattr__(self, "span", frozen(self.span, np.int64))
+        freeze(self, q=float, swivel=float, spans=float, span=np.int64)
 
     def __len__(self) -> int:
         return len(self.q)

@@ -77,11 +77,7 @@ POSTURES = {
 
 
 def posture_named(name: str) -> Posture:
-    """Return a posture.
-
-    Raises:
-        BadInput: It is unknown; the known ones are listed.
-    """
+    """Return a posture by name; BadInput lists the known names."""
     if name not in POSTURES:
         raise BadInput(f"no posture {name!r}; choose one of {', '.join(POSTURES)}")
     return POSTURES[name]
@@ -114,13 +110,10 @@ def floor_pose(
     radii: tuple[float, float],
     place: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> np.ndarray:
-    """Return T_world_pelvis, (4, 4), of a person who rests on the floor z = 0.
+    """Return T_world_pelvis (4, 4) of a person who rests on the floor z = 0.
 
-    Args:
-        skeleton: Lengths.
-        posture: Angles.
-        radii: Of shank and torso [m], for those who kneel or lie.
-        place: x, y [m] of the pelvis and yaw [rad] the person faces.
+    `radii` are of shank and torso [m], for kneeling and lying; `place` is x, y of the
+    pelvis [m] and the yaw that the person faces [rad].
     """
     T = pose_of((0.0, 0.0, 0.0), (0.0, np.radians(posture.pelvis), 0.0))
     legs = leg_places(skeleton, posture) @ T[:3, :3].T

@@ -148,14 +148,9 @@ class Scratch(NamedTuple):
 def fill_hands(turn, tools, grasps, mirror, grip, turns, hands):
     """Fill the tables of hands for a person who has turned.
 
-    Args:
-        turn: (3, 3) from the robot's base into the canonical shoulder frame.
-        tools: (r, 9) rotation of the tool at each rotation cell.
-        grasps: (g, 12) T_tool_hand.
-        mirror: -1 for a left arm, 1 for a right one: the second axis of the hand.
-        grip: Wrist to grip [m].
-        turns: `RotationArrays` of the person's map.
-        hands: Written.
+    `turn` (3, 3) leads from the robot's base into the canonical shoulder frame; `tools`
+    (r, 9) are the tool's rotations, `grasps` (g, 12) T_tool_hand. `mirror` is -1 for a
+    left arm, 1 for a right one, `grip` wrist to grip [m], `turns` of the person's map.
     """
     tool, near = np.empty((3, 3)), np.empty(9)
     hands.far[:] = 0.0
@@ -306,15 +301,7 @@ def candidate_of(cells, e, g):
 
 @njit(**BARE)
 def describe(scene, entries, grasps, scratch, out):
-    """Solve entries once more and write what a user wants to know of them.
-
-    Args:
-        scene: Person, hands and cells.
-        entries: (n,) entries.
-        grasps: (n,) the grasp of each.
-        scratch: Working memory.
-        out: `Described`, written.
-    """
+    """Solve entries (n,) once more and write what a user wants to know of them."""
     person, hands, cells = scene
     numbers = out.numbers
     state, rods, settings = person.state, person.rods, person.settings

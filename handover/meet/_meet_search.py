@@ -29,13 +29,7 @@ GRIP_WORK, SOLVED_WORK = 0.1, 0.9  # in hundreds of compared bytes
 
 
 class Entries(NamedTuple):
-    """The robot's cells one by one.
-
-    Attributes:
-        keys: (n,) their numbers.
-        removed: (n,) whether they are out.
-        seen: (n,) scratch, all False.
-    """
+    """Numbers (n,) of the robot's cells, which are out, and scratch, all False."""
 
     keys: np.ndarray
     removed: np.ndarray
@@ -91,15 +85,11 @@ def put(top, key, e, g, value, n):
 
 @njit(**FULL)
 def begin(task, warm, order):
-    """Look at the entries of `warm`, then order the positions by their bounds.
+    """Look at the entries of `warm` (m,), then order the positions by their bounds.
 
-    Args:
-        task: See `Search`.
-        warm: (m,) entries to begin with: the last best. They are `seen` from now on.
-        order: (positions,) written: those that may count, the best bound first.
-
-    Returns:
-        How many entries `top` has, and how many positions are in order.
+    `warm` are the last best; they are `seen` from now on. `order` gets the positions
+    that may count, the best bound first. Returns the entries in `top`, and the
+    positions in order.
     """
     person, hands, cells = task.scene
     bounds, top = task.bounds, task.top
@@ -137,15 +127,8 @@ def begin(task, warm, order):
 def go_on(task, order, at, n, budget):
     """Open the next positions, until the work counted passes the budget.
 
-    Args:
-        task: See `Search`.
-        order: (m,) positions in the order of their bounds.
-        at: Which of them is next.
-        n: How many entries `top` has.
-        budget: Work, see `done_of`; no less than a position is opened.
-
-    Returns:
-        Which position is next, m where the search is over, and how many entries.
+    `at` is the next one of `order` (m,), n the entries in `top`; no less than a
+    position is opened, see `done_of`. Returns both anew, m where the search is over.
     """
     top, whole, counts = task.top, task.bounds.whole, task.scratch.counts
     k, m = top.value.shape[0], order.shape[0]

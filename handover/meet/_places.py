@@ -48,14 +48,10 @@ class PlaceScratch(NamedTuple):
 def best_at_places(arm, turns, points, scratch, out, found):
     """Write the best of each quality over all rotations and elbows of each place.
 
-    Args:
-        arm: See `PlaceArm`.
-        turns: (m, 9) rotations of the hand, canonical shoulder frame.
-        points: (n, 3) places of the grip, canonical shoulder frame [m].
-        scratch: See `PlaceScratch`.
-        out: (n, COLUMNS) the maxima; 0 where nothing is reached. COMBINED is that of
-            half dexterity and half effort.
-        found: (n, 9) joints of the best total, its rotation, rotations reached.
+    Of the hand's rotations `turns` (m, 9) at `points` (n, 3) of the grip, canonical
+    shoulder frame [m]. `out` (n, COLUMNS) gets the maxima, 0 where nothing is reached,
+    COMBINED of half dexterity and half effort; `found` (n, 9) the joints of the best
+    total, its rotation, and the rotations reached.
     """
     state, obstacles, settings, chain, shares = arm
     own = scratch.chain

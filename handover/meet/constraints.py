@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from handover.meet.held_object import HeldObject
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 
@@ -102,8 +102,7 @@ class Inside:
                 f"a box from {lower.tolist()} to {upper.tolist()} is none; give two "
                 "corners (3,), the lower one first"
             )
-        object.__setattr__(self, "lower", frozen(lower, np.float64))
-        object.__setattr__(self, "upper", frozen(upper, np.float64))
+        freeze(self, lower=float, upper=float)
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:  # noqa: ARG002
         """Return which poses have the origin in the box, or out of it."""
@@ -115,11 +114,7 @@ class Inside:
 def allowed(
     constraints: tuple[Constraint, ...], T_world_object: np.ndarray, obj: HeldObject
 ) -> np.ndarray:
-    """Return (n,) bool: which poses (n, 4, 4) every constraint allows.
-
-    Raises:
-        BadInput: A constraint that does not answer with (n,) bool.
-    """
+    """Return (n,) bool: which poses (n, 4, 4) every constraint allows."""
     keep = np.ones(len(T_world_object), bool)
     for constraint in constraints:
         answer = np.asarray(constraint.allows(T_world_object, obj))

@@ -146,11 +146,7 @@ def _check(meet: InteractionWorkspace, robot: Robot, timeout: float) -> None:
 
 
 def check_same_robot(reach: ReachMap, robot: Robot) -> None:
-    """Refuse a robot whose tool is not moved as in a reach map.
-
-    Raises:
-        BadInput: Other joints, other limits or another tool.
-    """
+    """Refuse a robot whose joints, limits or tool are not those of a reach map."""
     chain, own = reach.chain, chain_of(robot, self_collisions=False)
     q = np.clip(np.full(chain.dof, 0.3), *chain.limits.T)
     same = (

@@ -8,7 +8,7 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
-from roadmap.transforms import check_pose, rotation_rpy
+from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
 # [rad] order of the rolls about a handle: the first four are the quarters, so that the
 # first 4 or 8 grasps of a tool are spread as well as all of them
@@ -68,11 +68,7 @@ class HeldObject:
 
 
 def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:
-    """Return grasps T_object_hand as (n, 4, 4), read-only.
-
-    Raises:
-        BadInput: None at all, another shape, not finite or not rigid.
-    """
+    """Return grasps T_object_hand as (n, 4, 4), rigid, at least one, read-only."""
     grasps = np.asarray(grasps, float)
     if grasps.size == 0:
         raise BadInput(
@@ -111,12 +107,9 @@ def fist_grasps(places: Sequence[float]) -> np.ndarray:
 
 
 def _fist(place: float, thumb: float, roll: float) -> np.ndarray:
-    T = np.eye(4)
     y = np.array([thumb, 0.0, 0.0])
     x = rotation_rpy(roll, 0.0, 0.0) @ [0.0, 0.0, -1.0]  # out of the palm
-    T[:3, :3] = np.column_stack([x, y, np.cross(x, y)])
-    T[0, 3] = place
-    return T
+    return pose_with(np.column_stack([x, y, np.cross(x, y)]), (place, 0.0, 0.0))
 
 
 def wrench() -> HeldObject:
@@ -132,9 +125,8 @@ def wrench() -> HeldObject:
         [-0.11, -0.016, 0.0, -0.11, 0.016, 0.0, 0.013],
         [0.11, -0.013, 0.0, 0.11, 0.013, 0.0, 0.012],
     ]
-    T = np.eye(4)
-    T[:3, :3] = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).T
-    T[:3, 3] = [0.0, 0.0, 0.10]
+    R = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    T = pose_with(R, (0.0, 0.0, 0.10))
     return HeldObject("wrench", capsules, 0.25, T, fist_grasps([0.05]))
 
 

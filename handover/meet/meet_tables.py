@@ -6,8 +6,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from handover.human._arm_ik import WORK_ROWS
+from handover.human.body import SIDES
 from handover.human.human import Human
-from handover.human.human_arm import SIDES, Arm
+from handover.human.human_arm import Arm
 from handover.meet import _meet as kernels
 from handover.meet._meet_bounds import Bounds, fill_places
 from handover.meet._meet_search import Top
@@ -26,11 +27,7 @@ class PersonTables:
     """The dexterity of a person's arm, cell by cell, for people of any height."""
 
     def __init__(self, reach: ReachMap) -> None:
-        """Unpack a map.
-
-        Raises:
-            BadInput: It is not of a person's arm.
-        """
+        """Unpack a map; it must be of a person's arm."""
         if reach.chain.unit != "arm length":
             raise BadInput(
                 f"human_reach is a map of {reach.chain.name} in {reach.chain.unit}; "
@@ -47,14 +44,7 @@ class PersonTables:
     def person(
         self, state: ArmState, arm: Arm, settings: MeetSettings, far_m: float
     ) -> kernels.Person:
-        """Return what the kernels ask of a person.
-
-        Args:
-            state: The person now.
-            arm: The arm that takes the object.
-            settings: Share of q_online, swivel step.
-            far_m: Largest distance of a grip from the tool [m].
-        """
+        """Return what the kernels ask of a person whose grip is within `far_m` [m]."""
         grid, length = self._grid, arm.length
         cell = grid.cell * length
         margin = int(np.ceil(far_m / cell + 1e-9))

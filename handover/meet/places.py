@@ -19,7 +19,7 @@ from handover.meet.quality import ArmState
 from handover.meet.settings import PARTS, MeetSettings, QualitySettings
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.rotations import rotation_grid
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 
 NAMES = (*PARTS, "dexterity", "combined", "online", "total")
@@ -45,8 +45,7 @@ class PlaceQualities:
     reached: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("points", "q", "reached"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, points=float, q=float, reached=float)
         best = {k: frozen(v, np.float64) for k, v in self.best.items()}
         object.__setattr__(self, "best", best)
 

@@ -17,7 +17,7 @@ from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_joints
 from handover.meet import _quality as kernel
 from handover.meet.settings import PARTS, QualitySettings
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 
 
@@ -38,8 +38,7 @@ class ArmState:
     settings: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("state", "obstacles", "settings"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, state=float, obstacles=float, settings=float)
 
     @classmethod
     def of(
@@ -94,11 +93,9 @@ class ArmState:
 
 @dataclass(frozen=True)
 class Quality:
-    """What one arm posture is worth.
+    """What a posture is worth: qualities by name, and q_online of eq. (4), in [0, 1].
 
-    Attributes:
-        parts: Name -> quality in [0, 1]; visibility is NaN where it is left out.
-        online: q_online of eq. (4), in [0, 1].
+    Visibility is NaN where it is left out.
     """
 
     parts: dict[str, float]

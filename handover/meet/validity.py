@@ -47,11 +47,8 @@ class PlannerValidity:
 def validity_of(is_valid: object) -> Validity:
     """Return a test in one form: q -> (valid, why not).
 
-    Args:
-        is_valid: A planner, or q -> bool, (bool, reason) or an `odm.Freedom`.
-
-    Raises:
-        BadInput: It is none of these, at once or when it answers.
+    `is_valid` is a planner, or q -> bool, (bool, reason) or an `odm.Freedom`; anything
+    else is refused, at once or when it answers.
     """
     if hasattr(is_valid, "is_free") and hasattr(is_valid, "cell_map"):
         return PlannerValidity(is_valid)

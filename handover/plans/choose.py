@@ -20,7 +20,7 @@ from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
-from roadmap.transforms import rotation_about
+from roadmap.transforms import moved_points, pose_with, rotation_about
 
 _SOLVE = SolveSettings()
 
@@ -121,12 +121,9 @@ def arms_in_order(
 ) -> tuple[list[str], str]:
     """Return the arms that reach a thing, the best first, and why (section IV-A).
 
-    Args:
-        limbs: The arms by side.
-        mounts: What they hang on, world frame [m].
-        point: (3,) the thing's middle, world frame [m].
-        size: How far it reaches from there [m]: an arm that only comes so near to the
-            middle is taken after those that reach it.
+    `mounts` are what they hang on, `point` (3,) the thing's middle, world frame [m]. An
+    arm that only comes within `size` of the middle [m] is taken after those that reach
+    it.
     """
     entries, local_points = {}, {}
     for side, limb in limbs.items():
@@ -277,8 +274,7 @@ def common_voxels(pair: Pair, near: float, solve: SolveSettings = _SOLVE) -> np.
     total = np.zeros(len(points))
     for mover in (pair.giver, pair.receiver):
         reach = reach_of(mover.limb, solve)
-        T = np.linalg.inv(mover.T_mount)
-        local = points @ T[:3, :3].T + T[:3, 3]
+        local = moved_points(points, np.linalg.inv(mover.T_mount))
         entry = reach.entries(local)
         value *= entry > 0.0
         total += entry / reach.average.max()
@@ -306,10 +302,7 @@ def handover_poses(
     turned = [rotation_about(z, turn) @ least for turn in turns]
     for place in places:
         for R in turned:
-            T = np.eye(4)
-            T[:3, :3] = R
-            T[:3, 3] = place - R @ pair.of_receiver.thing.center
-            yield T
+            yield pose_with(R, place - R @ pair.of_receiver.thing.center)
 
 
 def min_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:

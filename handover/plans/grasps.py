@@ -7,12 +7,13 @@ import numpy as np
 
 from handover.grasps._closing import clearance
 from handover.grasps.closing import Target, is_outside, target_of
-from handover.grasps.grasp_build import Progress, build_grasps
+from handover.grasps.grasp_build import build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput, BadMap
 
 FOLDER = Path("maps/built/grasps")
@@ -66,14 +67,8 @@ def line_clear(
 ) -> bool:
     """Return whether an open hand comes straight to a grasp without cutting the object.
 
-    By conservative advancement on exact distances.
-
-    Args:
-        grasps: The set.
-        g: The grasp.
-        length: Of the line that ends in it [m].
-        away: Unit vector from the grasp along the line, frame of the palm.
-        proof: What is proved.
+    By conservative advancement on exact distances, on a line of `length` [m] that ends
+    in grasp g; `away` is the unit vector from there along it, frame of the palm.
     """
     hand, target = load_hand(grasps.hand), _target(grasps.thing)
     T, back = grasps.T_object_palm[g].copy(), 0.0

@@ -19,7 +19,8 @@ from roadmap.kinematics.tool_chain import tool_chain
 from roadmap.loading.body_tree import BodyTree, bodies_of, drive
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, robot_file
-from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
+from roadmap.robot.robot import BOX, CYLINDER, SPHERE
+from roadmap.transforms import moved_points
 
 _SIDES = 12  # of the prism round a cylinder without round ends
 
@@ -175,7 +176,8 @@ def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:
         if rod.kind != CYLINDER:
             continue
         radius, length = rod.size[:2]
-        ends = _moved(rod, np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length)
+        ends = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length
+        ends = moved_points(ends, rod.T_body_solid)
         caps = [
             i
             for i, ball in enumerate(solids)
@@ -187,18 +189,26 @@ def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:
             found.append((ends, float(radius)))
             used |= {k, *caps}
     for k, solid in enumerate(solids):
-        if k in used:
-            continue
-        if solid.kind == SPHERE:
-            found.append((_moved(solid, np.zeros((1, 3))), float(solid.size[0])))
-        elif solid.kind == BOX:
-            signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-            found.append((_moved(solid, signs * solid.size), 0.0))
-        elif solid.kind == CYLINDER:
-            found.append((_moved(solid, prism(*solid.size[:2])), 0.0))
-        elif solid.kind == HULL:
-            found.append((_moved(solid, solid.points), 0.0))
+        if k not in used:
+            points, radius = _own_points(solid)
+            found.append((moved_points(points, solid.T_body_solid), radius))
     return found
+
+
+def _own_points(solid: Solid) -> tuple[np.ndarray, float]:
+    """Return a solid as points with a radius, its own frame [m]."""
+    if solid.kind == SPHERE:
+        return np.zeros((1, 3)), float(solid.size[0])
+    if solid.kind == BOX:
+        return box_corners(solid.size), 0.0
+    if solid.kind == CYLINDER:
+        return prism(*solid.size[:2]), 0.0
+    return solid.points, 0.0
+
+
+def box_corners(size: np.ndarray | tuple[float, float, float]) -> np.ndarray:
+    """Return the (8, 3) corners of a box about its own middle [m]."""
+    return np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * size
 
 
 def prism(radius: float, length: float) -> np.ndarray:
@@ -215,11 +225,6 @@ def hull_points(points: np.ndarray) -> np.ndarray:
     from scipy.spatial import ConvexHull  # what runs without plans need not load it
 
     return points[ConvexHull(points).vertices]
-
-
-def _moved(solid: Solid, points: np.ndarray) -> np.ndarray:
-    T = solid.T_body_solid
-    return points @ T[:3, :3].T + T[:3, 3]
 
 
 @lru_cache(maxsize=16)
@@ -297,11 +302,7 @@ def _arm_only(source: str, arm: list[str]) -> list[str]:
 
 
 def limb_of(agent: Agent, side: str) -> Limb:
-    """Return an arm of an agent, with its hand; made once.
-
-    Raises:
-        BadInput: The agent has no such arm.
-    """
+    """Return an arm of an agent with its hand, made once; BadInput: no such arm."""
     if side not in agent.arms:
         raise BadInput(
             f"{agent.name} has no {side} arm; give one of {', '.join(agent.arms)}"

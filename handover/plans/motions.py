@@ -111,14 +111,7 @@ class _Several:
 
 
 class MotionPlanner:
-    """Looks for the motions of tuples in a scene.
-
-    Args:
-        scene: The scene.
-        pair: Both arms.
-        settings: See PlanSettings.
-        clock: Its `over` ends the search.
-    """
+    """Looks for the motions of tuples in a scene until the clock is over."""
 
     def __init__(
         self, scene: Scene, pair: Pair, settings: PlanSettings, clock: Clock
@@ -201,11 +194,7 @@ class MotionPlanner:
     # --- what is cheap --------------------------------------------------------------
 
     def _starts(self, chosen: HandoverChoice) -> Iterator[_Start]:
-        """Yield ways to grasp and lift: line, fingers, lift.
-
-        Raises:
-            Blocked: There is none.
-        """
+        """Yield ways to grasp and lift: line, fingers, lift. Blocked: there is none."""
         giver, g, trouble, found = self.pair.giver, chosen.grasp_giver, None, False
         wide = self.pair.of_giver.preshape[g]
         for slanted in (False, True):

@@ -13,14 +13,21 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
-from handover.plans.limb import Limb, ball_of, balls_of, hull_points, prism
+from handover.plans.limb import (
+    Limb,
+    ball_of,
+    balls_of,
+    box_corners,
+    hull_points,
+    prism,
+)
 from handover.plans.settings import ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.seven import free_angles, room
-from roadmap.transforms import flat_pose, pose_of_flat
+from roadmap.transforms import flat_pose, moved_points, pose_of_flat
 
 _OFF = -1e6  # margin of a pair that is not looked at [m]
 _DEPTH = 40
@@ -493,7 +500,7 @@ def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple
             continue
         f = frames[part.body]
         points = part.points @ f[:9].reshape(3, 3).T + f[9:]
-        points = points @ T[:3, :3].T + T[:3, 3]
+        points = moved_points(points, T)
         links.setdefault(part.link, []).append((body, points, part.radius))
     return [(prefix + name, body, parts) for name, parts in links.items()]
 
@@ -506,7 +513,7 @@ def _object_parts(scene: Scene, body: int) -> list[tuple]:
 def _hulls(thing: GraspObject) -> tuple[np.ndarray, ...]:
     """Return the corners of the hulls of an object's parts, its frame [m]."""
     moved = [(part.vertices, part.T_base_shape) for part in thing.parts]
-    return tuple(hull_points(v @ T[:3, :3].T + T[:3, 3]) for v, T in moved)
+    return tuple(hull_points(moved_points(v, T)) for v, T in moved)
 
 
 def shape_points(shape: Shape) -> tuple[np.ndarray, float]:
@@ -520,9 +527,8 @@ def shape_points(shape: Shape) -> tuple[np.ndarray, float]:
     elif isinstance(shape, Cylinder):
         points = prism(shape.radius, shape.length)
     elif isinstance(shape, Box):
-        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-        points = signs * shape.size
+        points = box_corners(shape.size)
     else:
         assert isinstance(shape, Mesh)
         points = hull_points(shape.vertices)
-    return points @ T[:3, :3].T + T[:3, 3], radius
+    return moved_points(points, T), radius

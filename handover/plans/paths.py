@@ -90,11 +90,7 @@ class Paths:
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
 
     def prove(self, path: np.ndarray, what: str) -> None:
-        """Prove every leg of a path (n, dof).
-
-        Raises:
-            Blocked: One is not free.
-        """
+        """Prove every leg of a path (n, dof), or raise Blocked."""
         pair, trouble, _ = self.mover.path_blocked(path)
         if trouble:
             raise Blocked(f"{what}: {trouble}", by_hand=self._by_hand(pair))
@@ -165,11 +161,7 @@ class Paths:
         raise Blocked(f"no straight line for {what}: {trouble}", by_hand=by_hand)
 
     def lift(self, q: np.ndarray) -> np.ndarray:
-        """Return the corners of a lift straight up from q.
-
-        Raises:
-            Blocked: There is none.
-        """
+        """Return the corners of a lift straight up from q, or raise Blocked."""
         line = self._line(q, np.array([0.0, 0.0, 1.0]), self.settings.lift)
         pair, _, leg = self.mover.path_blocked(line)
         for end in self._ends(len(line), self.settings.lift):
@@ -194,10 +186,8 @@ class Paths:
     def reach(self, pre: np.ndarray, what: str, budget: int) -> tuple[np.ndarray, int]:
         """Return a path from where the arm waits to one of `pre` (k, dof), and which.
 
-        First the hand, then the arm; all of `pre` with the same fingers.
-
-        Raises:
-            Blocked: None was found.
+        First the hand, then the arm; all of `pre` with the same fingers. Raises
+        Blocked.
         """
         home, n = self.home, self.mover.limb.n_arm
         ready = np.concatenate([home[:n], pre[0, n:]])

@@ -19,12 +19,9 @@ _NEVER = 1e-7  # [s] times nearer than this are one
 
 
 def record_of(plan: HandoverPlan) -> dict:
-    """Return a plan as plain data; see `docs/plans.md`.
+    """Return a plan as plain data, see `docs/plans.md`.
 
     Between its times all joints go straight: every corner of a path is a time.
-
-    Raises:
-        BadInput: There is no plan.
     """
     if not plan.found or not plan.motions:
         raise BadInput(

@@ -46,13 +46,7 @@ class Executed:
 
 
 class Grasper:
-    """An arm that grasps an object by the grasps of a set, wherever it is.
-
-    Args:
-        mover: The arm.
-        grasps: The set.
-        solve: How finely joints are looked for.
-    """
+    """An arm that grasps an object by the grasps of a set, wherever the object is."""
 
     def __init__(
         self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
@@ -100,24 +94,17 @@ class Grasper:
         hands: bool = False,
         rated: bool = True,
     ) -> "Looked":
-        """Look at grasps of the object at a pose.
+        """Look at the grasps `use` (k,) of the object at a pose (4, 4) [m].
 
-        Args:
-            T_world_object: (4, 4) [m].
-            use: (k,) which grasps.
-            stand: Puts all things where they are then, for the mover.
-            hands: Test all hands at once: where most touch, it saves what follows.
-            rated: Work out all dexterity at once, as the order needs; else in turn.
+        `stand` puts all things where they are then, for the mover. `hands` tests all
+        hands at once: where most touch, it saves what follows. `rated` works out all
+        dexterity at once, as the order needs; else in turn.
         """
         return Looked(self, T_world_object, use, stand, (hands, rated))
 
 
 class Looked:
-    """Grasps of an object at a pose, tested as they are asked for; see `Grasper.look`.
-
-    Attributes:
-        use: (k,) which grasps.
-    """
+    """Grasps `use` (k,) at a pose, tested as they are asked for; see `Grasper.look`."""
 
     def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
         """List the joints that reach each grasp."""

@@ -82,11 +82,9 @@ def qualities_of_poses(packed, grid, poses, out):
 
 @njit(**BARE)
 def predecessors_to_root(packed, grid, cell, predecessors):
-    """Write the predecessors from a reached cell back to its root.
+    """Write the predecessors from a reached cell back to its root; return their number.
 
-    Returns:
-        Their number and the row of the root in `packed.roots`; -1 as the row where the
-        map contradicts itself.
+    And the row of the root in `packed.roots`, -1 where the map contradicts itself.
     """
     n = 0
     while True:

@@ -225,15 +225,11 @@ def _to_row(frames, row, direction, axes, p):
 
 @njit(**FULL)
 def fill_tables(model, tabled, joints, spans, whole, clear):
-    """Fill the tables of pairs of links.
+    """Fill the tables of the pairs `tabled` (n_tables,) of links of the model.
 
-    Args:
-        model: Of `roadmap.geometry.self_collision.SelfCollision`.
-        tabled: (n_tables,) the pairs.
-        joints: (n_tables, 2) one or two joints of the robot, -1 for none.
-        spans: (robot dof, 2) lower limit and range of each joint.
-        whole: (robot dof,) any configuration; the other joints do not matter.
-        clear: (n_tables, TABLE, TABLE) written: where a cell is proved clear.
+    `joints` (n_tables, 2) are one or two joints of the robot, -1 for none; `spans`
+    (robot dof, 2) their lower limit and range; the others stand as in `whole`. `clear`
+    (n_tables, TABLE, TABLE) gets where a cell is proved clear.
     """
     tree_i, tree_f, pair_reach = model.tree_i, model.tree_f, model.reach
     frames, simplex = np.zeros((tree_i.shape[0], 12)), np.zeros((16, 3))

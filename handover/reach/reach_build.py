@@ -19,11 +19,10 @@ from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
-from roadmap.chunks import Workers
+from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.ranges import is_between
 
-Progress = Callable[[str, int, int], None]
 _CHUNK = 1 << 17  # samples drawn at a time
 _POSITIONS = 16  # positions marked at a time
 _BYTES = 9  # of a cell, without its witness

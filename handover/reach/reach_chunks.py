@@ -46,11 +46,7 @@ def empty_cells(n: int, dof: int) -> Cells:
 
 
 class Maker:
-    """What one worker fills chunks with; each of its threads has cells of its own.
-
-    Args:
-        spec: What is filled.
-    """
+    """What one worker fills chunks with; each of its threads has cells of its own."""
 
     def __init__(self, spec: ReachSpec) -> None:
         """Lay out the grid."""
@@ -82,12 +78,8 @@ def draw_chunk(
 ) -> tuple[np.ndarray, ...]:
     """Draw samples span[0, 0] to span[0, 1]; return which hit, their cells, qualities.
 
-    Args:
-        maker: Of the worker.
-        span: (1, 2) numbers of samples.
-        rules: (2,) seed and reference.
-        cell: (n,) the cells that have a sample so far,
-        sample: (n,) and its quality: what is no better is left out.
+    `rules` (2,) are seed and reference; what is no better than the sample of its cell
+    so far, `cell` and `sample` (n,), is left out.
     """
     taken = maker.take()
     taken[0].sample[cell] = sample
@@ -107,14 +99,10 @@ def mark_chunk(
     rules: np.ndarray,
     *read: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Mark positions; return counts (4,), and what was written at them.
+    """Mark positions (k,), no two neighbours; return counts (4,), and what was written.
 
-    Args:
-        maker: Of the worker.
-        positions: (k,) no two of them neighbours.
-        around: (m,) these and all next to them.
-        rules: See `mark_positions`.
-        read: Cells of `around`, (m, n) or (m, n, dof) each.
+    `around` (m,) are these and all next to them, with their cells `read`; `rules` as in
+    `mark_positions`.
     """
     taken = maker.take()
     cells, build, queue = taken
@@ -136,14 +124,7 @@ def _rows(grid: ReachGrid, array: np.ndarray) -> np.ndarray:
 
 
 class ChunkCrew:
-    """Fills the cells of a map by chunks.
-
-    Args:
-        workers: Who does them.
-        spec: What is filled.
-        grid: Its grid.
-        cells: Its cells, filled here.
-    """
+    """Fills the cells of a map chunk by chunk, by `workers`."""
 
     def __init__(
         self, workers: Workers, spec: ReachSpec, grid: ReachGrid, cells: Cells

@@ -8,7 +8,7 @@ from handover.chain import Chain
 from handover.reach import _reach_build as kernels
 from handover.reach.extremes import reachable_box
 from handover.reach.rotations import RotationGrid, rotation_grid
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 
 
@@ -33,7 +33,7 @@ class ReachGrid:
 
     def __post_init__(self) -> None:
         """Freeze the origin."""
-        object.__setattr__(self, "origin", frozen(self.origin, np.float64))
+        freeze(self, origin=float)
 
     @property
     def n_positions(self) -> int:
@@ -89,14 +89,7 @@ class ReachGrid:
         return self.origin + (index + 0.5) * self.cell
 
     def colours(self, changed: np.ndarray) -> list[np.ndarray]:
-        """Group the positions to visit again so that no group holds two neighbours.
-
-        Args:
-            changed: (n_positions,) bool.
-
-        Returns:
-            Eight arrays of positions, ascending.
-        """
+        """Return `changed` positions in eight groups without neighbours in one."""
         near = changed.reshape(self.shape).copy()
         for axis in range(3):
             moved = np.moveaxis(near, axis, 0)
@@ -116,11 +109,7 @@ class ReachGrid:
 
 
 def reach_grid(chain: Chain, cell: float, n_rotations: int) -> ReachGrid:
-    """Return the grid that holds all that a chain reaches.
-
-    Raises:
-        BadInput: The cell is not a positive number, or such a rotation grid unknown.
-    """
+    """Return the grid that holds all that a chain reaches, its cells checked."""
     if not (np.isfinite(cell) and cell > 0):
         raise BadInput(f"the cell is {cell}; give a length above 0")
     box = reachable_box(chain)

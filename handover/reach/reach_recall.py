@@ -1,6 +1,5 @@
 """Recall of a reach map: the share of all reachable tool poses that it knows."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -12,10 +11,10 @@ from handover.reach._reach_ik import starts_taken
 from handover.reach.extremes import reachable_box, work_of
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput, BadMap
 from roadmap.geometry.self_collision import configuration_free
 
-Progress = Callable[[str, int, int], None]
 _CHUNK = 50
 _SEED_OFFSET = 90_001  # not the samples that the map was drawn with
 

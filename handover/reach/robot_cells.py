@@ -8,7 +8,7 @@ import numpy as np
 from handover.reach.reach_grid import ReachGrid
 from handover.reach.reach_map import ReachMap
 from handover.reach.rotations import rotation_grid
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 
 # of each map in use, by the rest of what was asked for: seconds each, of a large robot
@@ -34,9 +34,8 @@ class RobotCells:
     rotation: np.ndarray
 
     def __post_init__(self) -> None:
-        kinds = {"positions": np.int64, "points": float, "first": np.int64}
-        for name, kind in (kinds | {"rotation": np.int32}).items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+        freeze(self, positions=np.int64, points=float, first=np.int64)
+        freeze(self, rotation=np.int32)
 
     def __len__(self) -> int:
         return len(self.rotation)

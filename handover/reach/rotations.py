@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from handover.reach import _rotations as kernels
-from roadmap.arrays import frozen, writable
+from roadmap.arrays import freeze, frozen, writable
 from roadmap.errors import BadInput
 
 # Cells of the family: 12 k^2 pixels for the tool's z axis, 6 k rolls about it.
@@ -35,11 +35,7 @@ class RotationGrid:
     pixel_frames: np.ndarray = field(repr=False)
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("centers", np.float64),
-            ("pixel_frames", np.float64),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, centers=float, pixel_frames=float)
 
     @cached_property
     def neighbors(self) -> np.ndarray:
@@ -67,11 +63,7 @@ class RotationGrid:
         return 2 * np.pi / self.n_roll
 
     def cell_of(self, rotations: np.ndarray) -> np.ndarray:
-        """Return the (n,) int32 cells of rotations (n, 3, 3), or of one (3, 3).
-
-        Raises:
-            BadInput: Another shape, not finite, or not rotations.
-        """
+        """Return the (n,) int32 cells of rotations (n, 3, 3), or of one, checked."""
         R = np.asarray(rotations, float)
         if R.shape[-2:] != (3, 3) or R.ndim > 3:
             raise BadInput(f"rotations have the shape {R.shape}; give (n, 3, 3)")

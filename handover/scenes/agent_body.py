@@ -45,11 +45,7 @@ class AgentBody:
     neighbours: frozenset[tuple[str, str]]
 
     def checked(self, joints: Mapping[str, float], whose: str) -> dict[str, float]:
-        """Return a value for every joint, in order.
-
-        Raises:
-            BadInput: A joint it does not have, or a value outside its limits.
-        """
+        """Return a value for every joint, in order, known and within limits."""
         for name, value in joints.items():
             if name not in self.joints:
                 near = difflib.get_close_matches(name, self.joints, 3)
@@ -98,11 +94,7 @@ class AgentBody:
 
 @cache
 def agent_body(source: str) -> AgentBody:
-    """Return the body of a known robot, or of a URDF file.
-
-    Raises:
-        BadRobot: There is none of that name, or it cannot be used; says why.
-    """
+    """Return the body of a known robot, or of a URDF file."""
     file, known = robot_file(source), known_robot(source)
     description = read_description(file, known.endless if known else ())
     links = [description.root]

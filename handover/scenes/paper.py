@@ -14,7 +14,7 @@ from handover.grasps.objects import load_object
 from handover.scenes.agent_body import agent_body, reach_pose, upright
 from handover.scenes.scene import GAP, Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.shapes import Box, Cylinder
-from roadmap.transforms import pose_of
+from roadmap.transforms import pose_of, pose_with
 
 TABLE_MIDDLE = (0.50, 0.10)  # [m] read: the world's origin of the lab's table
 TABLE_TOP = 0.72  # [m] read: rest height of objects on it
@@ -162,10 +162,9 @@ def _tray_joints(top: float) -> dict[str, float]:
     hip = agent.posture("standing").T_floor_base[2, 3]
     ahead = np.array([np.cos(TRAY_GRIP), np.sin(TRAY_GRIP), 0.0])
     up = np.array([0.0, 0.0, 1.0])
-    T = np.eye(4)
-    T[:3, :3] = np.column_stack([up, np.cross(ahead, up), ahead])
-    T[:3, 3] = (TRAY_AHEAD, 0.0, top - GAP - 0.5 * TRAY_THICKNESS - hip)
-    T[:3, 3] -= (TRAY_RADIUS + 2 * GAP) * ahead
+    place = np.array([TRAY_AHEAD, 0.0, top - GAP - 0.5 * TRAY_THICKNESS - hip])
+    place -= (TRAY_RADIUS + 2 * GAP) * ahead
+    T = pose_with(np.column_stack([up, np.cross(ahead, up), ahead]), place)
     arm = {f"right_{name}": value for name, value in _TRAY_ARM.items()}
     joints = body.checked({**agent.waiting("standing"), **arm, **_TRAY_HAND}, "drchubo")
     held = reach_pose(body, joints, tuple(arm), "right_palm", T)

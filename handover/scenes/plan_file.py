@@ -4,7 +4,6 @@ What each entry means is written in `docs/plans.md`, "The plan as a file".
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput
-from roadmap.unfinished import beside
+from roadmap.unfinished import put_file
 
 FORMAT, VERSION = "odm hand-over plan", 1
 WHO = ("giver", "receiver")
@@ -111,20 +110,12 @@ def plan_record(
 def write_plan(path: str | Path, record: Mapping) -> Path:
     """Write a plan as JSON, whole or not at all; `record` is `plan_record`'s."""
     check_record(record)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with beside(path) as made:
-        made.write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-        os.replace(made, path)
-    return path
+    put_file(Path(path), json.dumps(record, allow_nan=False).encode())
+    return Path(path)
 
 
 def read_plan(path: str | Path) -> dict:
-    """Return a plan's record from its JSON file.
-
-    Raises:
-        BadInput: No such file, no plan, or one that contradicts itself.
-    """
+    """Return the checked record of a plan from its JSON file."""
     path = Path(path)
     if not path.is_file():
         raise BadInput(f"there is no plan {path}; make one with `odm handover plan`")
@@ -140,12 +131,7 @@ def read_plan(path: str | Path) -> dict:
 
 
 def check_record(record: Mapping) -> None:
-    """Refuse a record that is no plan.
-
-    Raises:
-        BadInput: Another format or version, times that do not grow, motions of one
-            agent that overlap or jump, a time without a hold.
-    """
+    """Refuse another format, a wrong order of times, overlaps and jumps."""
     told = isinstance(record, Mapping) and (record.get("format"), record.get("version"))
     if told != (FORMAT, VERSION):
         what = f"it says {told[0]!r}, {told[1]!r}" if told and told[0] else "other JSON"

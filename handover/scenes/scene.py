@@ -62,11 +62,7 @@ class PlacedAgent:
     def shapes(
         self, joints: Mapping[str, float] | None = None
     ) -> list[tuple[str, Shape]]:
-        """Return its solids as (link, shape in the world frame).
-
-        Args:
-            joints: Values in place of its own; those left out stay.
-        """
+        """Return its solids as (link, shape in the world); some `joints` differ."""
         joints = {**self.joints, **(joints or {})}
         return self.body.shapes(joints, self.T_world_base)
 
@@ -111,11 +107,7 @@ class Scene:
     goal_held: bool = False
 
     def __post_init__(self) -> None:
-        """Check both poses.
-
-        Raises:
-            BadInput: A pose that is not rigid.
-        """
+        """Refuse a pose that is not rigid."""
         for name in ("T_world_start", "T_world_goal"):
             T = check_pose(getattr(self, name), name)
             object.__setattr__(self, name, frozen(T, np.float64))

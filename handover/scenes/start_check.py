@@ -34,11 +34,7 @@ def start_distances(scene: Scene) -> list[tuple[float, str, str]]:
 
 
 def check_start(scene: Scene) -> None:
-    """Refuse a scene in which something is in collision before anything moves.
-
-    Raises:
-        BadInput: Names both, and what would help.
-    """
+    """Refuse a scene that begins in collision; name both and a remedy."""
     found = start_distances(scene)
     if found and found[0][0] <= 0.0:
         _, one, other = found[0]

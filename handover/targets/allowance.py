@@ -9,14 +9,10 @@ from handover.targets.settings import AllowanceSettings
 
 
 class Allowance:
-    """Holds what is left of a frame for work that can wait.
+    """What a frame has left for work that can wait, in units of about a microsecond.
 
-    Args:
-        units: For a whole frame, about a microsecond each.
-        takes: What work takes.
-
-    Attributes:
-        left: Of this frame; less than 0 where it did more.
+    `units` are a whole frame's, `takes` is what each kind of work takes; `left` is
+    below 0 where a frame did more.
     """
 
     def __init__(

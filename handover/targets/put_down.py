@@ -33,11 +33,10 @@ class Places:
         self._why: dict[int, str] = {}  # why each was left last
 
     def begin_next(self, gaps: np.ndarray, keep: float) -> int | None:
-        """Go on to the best of those not tried yet; None: there is none.
+        """Go on to the best place that was not tried yet; None: there is none.
 
-        Args:
-            gaps: (n,) how far the person is from the object in each [m].
-            keep: Who is nearer is in it [m].
+        `gaps` (n,) is how far the person is from the object in each [m]; who is nearer
+        than `keep` is in it.
         """
         for k in np.flatnonzero(gaps <= keep).tolist():
             if k > 0 and k not in self._left:

@@ -166,24 +166,24 @@ class LiveSettings:
 
 @dataclass(frozen=True)
 class AllowanceSettings:
-    """What work takes, in units of about a microsecond (`allowance.Allowance`).
+    """Time that work takes, in units of about a microsecond (`allowance.Allowance`).
 
-    They are measured means: on a machine that is slower by a factor give all of them
-    that factor, or a frame fewer units.
+    They are measured means: on a machine that is slower by a factor multiply all of
+    them by it, or give a frame fewer units.
 
     Attributes:
         look_out: The executor looks whether somebody comes.
-        moves: Stops of a robot that is on its way are tested.
+        moves: The stops of a moving robot are tested.
         tell: The planner is told where the person will be.
-        set_goals: Goals are set: the step looks for a path to them.
+        set_goals: Goals are set, and the step looks for a path to them.
         rank: A ranking begins.
         solve: A start of the inverse kinematics.
         reach: ... of a place before an object and one at it.
         prepare: A goal is joined to the roadmap.
         test: A test of `improve`.
-        join: The step joined the robot to the roadmap.
+        join: The step joins the robot to the roadmap.
         time_path: The executor times a new path.
-        least: A frame's share of work that goes on over several is not less.
+        least: A frame's least share of work that goes on over several frames.
         patience: Frames by which work is put off at most.
     """
 

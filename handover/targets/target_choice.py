@@ -28,11 +28,7 @@ class Decision:
 
 
 class TargetChoice:
-    """Keeps the targets on offer, from frame to frame.
-
-    Attributes:
-        keys: Cells on offer, best first.
-    """
+    """Keeps the cells on offer, best first, from frame to frame."""
 
     def __init__(self, settings: ChoiceSettings | None = None) -> None:
         """Offer nothing."""

@@ -58,11 +58,7 @@ class TargetOffers:
         self.begin({})
 
     def begin(self, targets: dict[int, Target]) -> None:
-        """Begin a frame.
-
-        Args:
-            targets: Those of the frame and those on offer, by their cells.
-        """
+        """Begin a frame with the targets in it and those on offer, by their cells."""
         self._frame += 1
         self._targets = targets
         self._job: tuple[str, int, Goal | None] | None = None
@@ -101,14 +97,10 @@ class TargetOffers:
                 self._order(key)
 
     def work(self, pursued: int | None, allowance: Allowance | None = None) -> bool:
-        """Do this frame's job, perhaps for the exact pose of the pursued target.
+        """Do this frame's job; False where one waits for another frame.
 
-        Args:
-            pursued: Cell of that target; None: none is.
-            allowance: What the frame may do; None: any job.
-
-        Returns:
-            False where there is a job that waits for another frame.
+        It may be for the exact pose of the target whose cell is `pursued`. `allowance`
+        is what the frame may do; None: any job.
         """
         before = self._goals.get(pursued, [])
         if pursued is not None and not any(goal.kind == EXACT for goal in before):
@@ -137,10 +129,9 @@ class TargetOffers:
         return True
 
     def goals(self, keys: tuple[int, ...]) -> tuple[Goal, ...]:
-        """Return the goals of the targets on offer, no configuration twice.
+        """Return the goals of the cells `keys`, best first, no configuration twice.
 
-        Args:
-            keys: Their cells, best first; what was offered of others is dropped.
+        What was offered of other cells is dropped.
         """
         for key in keys:  # spares
             if key not in self._goals:

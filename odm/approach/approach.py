@@ -40,12 +40,7 @@ class _Search:
 
 
 class Approacher:
-    """Looks for approaches in the present frame; see `ReactivePlanner.approach`.
-
-    Args:
-        frame: Its map, scenery and points count.
-        settings: See ApproachSettings.
-    """
+    """Looks for approaches in the present frame; see `ReactivePlanner.approach`."""
 
     def __init__(self, frame: Frame, settings: ApproachSettings | None = None) -> None:
         """Compute the tool's pose at every node of the roadmap."""

@@ -1,7 +1,6 @@
 """Try to falsify a map: exact geometry against what the map calls free."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,7 +20,9 @@ from odm.audit.exact import Obstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
+from roadmap.transforms import pose_of_flat
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 # the last two fifths of a chunk: children of its nearest pairs, in generations
@@ -29,7 +30,6 @@ PARENTS, CHILDREN, GENERATIONS = 8, 5, 20
 N_WORST = 8  # cases of a report
 EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
 CAP = 0.1  # [m] larger separations are not resolved
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +135,7 @@ class Auditor:
         else:
             start = self.asked.nodes[self.asked.edges[motion, 0]]
             q = start + t * self.asked.dq[motion]
-        T = np.eye(4)
-        T[:3, :3] = found.frame[k, :9].reshape(3, 3)
-        T[:3, 3] = found.frame[k, 9:]
+        T = pose_of_flat(found.frame[k])
         robot, part = self.cell_map.robot, int(found.part[k])
         link = robot.link_names[robot.solid_link[part]] if part >= 0 else "no link"
         which = int(pairs.obstacle[k])

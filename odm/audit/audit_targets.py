@@ -62,7 +62,7 @@ def _targets(robot: Robot, i: int, rng: np.random.Generator, n: int = 400):
 
 
 def _tight(robot: Robot, i: int, n: int = 200) -> np.ndarray:
-    """Return the corners of solid i that the cover holds most tightly, (<= n, 6).
+    """Return up to n corners (k, 6) of solid i that the cover holds most tightly.
 
     Their normals point away from the centre of the sphere that holds them: there the
     cover gives away nothing. In the solid's frame; empty for round solids.

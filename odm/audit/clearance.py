@@ -72,14 +72,8 @@ def clearance_overhead(
 ) -> ClearanceOverhead:
     """Measure the clearance overhead of a map; `ClearanceOverhead` says how.
 
-    Args:
-        cell_map: The map.
-        n: Approaches to nodes.
-        seed: Of nodes, lines and arms.
-        n_edges: Approaches to edges, which take longer.
-
-    Raises:
-        BadInput: The map has no edges.
+    By n approaches to nodes and n_edges to edges, which take longer; a map without
+    edges is refused.
     """
     if cell_map.roadmap.n_edges == 0:
         raise BadInput(

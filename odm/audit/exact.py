@@ -81,12 +81,10 @@ class ExactRobot:
         obstacles: "Obstacles | list[solid.Shape]",
         cap: float = np.inf,
     ) -> Nearest:
-        """Return the smallest distance of the solids from obstacles at `q`.
+        """Return the smallest distance of the solids from obstacles at q (dof,) [m].
 
-        Args:
-            q: (dof,) configuration.
-            obstacles: Shapes, or what `obstacles_of` made of them.
-            cap: Distances beyond this are not resolved: the answer is `cap` [m].
+        Obstacles are shapes, or what `obstacles_of` made of them. Distances beyond
+        `cap` are not resolved: the answer is `cap`.
         """
         if not isinstance(obstacles, Obstacles):
             obstacles = obstacles_of(obstacles)
@@ -118,11 +116,9 @@ class ExactRobot:
         return self.distance(q, obstacles, cap=m + 1e-3).distance <= m
 
     def self_distance(self, q: np.ndarray, pairs: np.ndarray | None = None) -> Nearest:
-        """Return the smallest distance between links at `q`.
+        """Return the smallest distance between pairs (n, 2) of links at q [m].
 
-        Args:
-            q: (dof,) configuration.
-            pairs: (n, 2) link indices; `robot.self_pairs` when None.
+        By default those of `robot.self_pairs`.
         """
         frames, found = self.frames(q), np.empty(2, np.int64)
         pairs = self.robot.self_pairs if pairs is None else pairs

@@ -15,11 +15,7 @@ from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
 
 
 class FclRobot:
-    """Collision objects of a robot's solids, with a broad phase over obstacles.
-
-    Args:
-        robot: The robot; links that never move do not count.
-    """
+    """The moving solids of a robot, with a broad phase over obstacles."""
 
     def __init__(self, robot: Robot) -> None:
         """Make the collision objects."""

@@ -3,7 +3,7 @@
 import multiprocessing
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.cell_map.cell_map import CellMap, load_map
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 
 LENGTH = 500  # steps of a sequence
@@ -19,7 +20,6 @@ EXACT_EVERY = 50  # one step in so many is measured with exact solids in any cas
 LISTED = 20  # faults that a report tells in words
 ANSWERED = 0.5  # share of the steps that must be answered with a path
 SABOTAGE = "certificate"
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass

@@ -19,6 +19,7 @@ from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
 from roadmap.kinematics.forward import difference
+from roadmap.transforms import pose_with, rotation_to_z
 
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
 TOLERANCE = 1e-6  # [m] of exact distances
@@ -134,11 +135,7 @@ class Verdict:
 
 
 class Judge:
-    """Judges answers of planners on one map.
-
-    Args:
-        cell_map: The map.
-    """
+    """Judges answers of planners on one map."""
 
     def __init__(self, cell_map: CellMap) -> None:
         """Make the planner that only ever sees one frame."""
@@ -166,14 +163,10 @@ class Judge:
         path: np.ndarray,
         exact: bool,
     ) -> Verdict:
-        """Judge a path that was answered from q.
+        """Judge a path (k, dof) that was answered from q, where it must begin.
 
-        Args:
-            world: What stands around the robot.
-            given: What the planner was given.
-            q: (dof,) where the path must begin [rad or m].
-            path: (k, dof) the answer.
-            exact: Ask exact geometry in any case, not only where it is near.
+        `given` is what the planner was given; `exact` asks exact geometry in any case,
+        not only where it is near.
         """
         if self._dirty:
             self._take_up(world)
@@ -325,7 +318,6 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
 
 def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
     """Return the shape of a row of `Scenery.solids`: a large box for a half-space."""
-    T = np.eye(4)
     if row[0] == 2.0:
         return Capsule.between(row[1:4], row[1:4] + row[4:7], row[7])
     if row[0] == 3.0:
@@ -335,12 +327,8 @@ def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
         corners = faces[int(row[5]) : int(row[6]), 4:].reshape(-1, 3)
         return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     if row[0] == 1.0:
-        T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), row[1:4]
+        T = pose_with(row[4:13].reshape(3, 3), row[1:4])
         return Box(2.0 * row[13:16], T)
     normal, offset = row[1:4], row[4]
-    aside = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    x = np.cross(aside, normal)
-    x /= np.linalg.norm(x)
-    T[:3, :3] = np.stack([x, np.cross(normal, x), normal], axis=1)
-    T[:3, 3] = (offset - 0.5 * GROUND) * normal
+    T = pose_with(rotation_to_z(normal), (offset - 0.5 * GROUND) * normal)
     return Box(np.full(3, GROUND), T)

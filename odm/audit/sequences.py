@@ -50,12 +50,7 @@ QUIET = {"wait", "improve", "keep_goals", "tremble"}  # while the robot is being
 
 @dataclass(frozen=True)
 class Step:
-    """One frame of a sequence.
-
-    Attributes:
-        answer: What the planner said.
-        verdict: What was found about its legs; None where there was nothing to judge.
-    """
+    """One frame of a sequence: the answer, and what was found about its legs."""
 
     answer: Answer
     verdict: Verdict | None
@@ -466,11 +461,8 @@ def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
 
     What an earlier version did: a robot off its segment by no more than the tracking
     share was taken to be on it. The motion from there got the segment's cells and its
-    mark of being free of what stands still, and the next frame measured from it.
-
-    Args:
-        planner: Before it is asked.
-        q: (dof,) what it will be asked from.
+    mark of being free of what stands still, and the next frame measured from it. The
+    planner is about to be asked from q.
     """
     robot_state, path = planner.memory.robot_state, planner.memory.path
     if not np.isfinite(q).all():

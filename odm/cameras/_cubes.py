@@ -45,12 +45,9 @@ class Cells(NamedTuple):
 
 @njit(**LEAN)
 def pack(state4, unseen, blocked):
-    """Set the bits of the cells that are UNSEEN, and of those neither that nor FREE.
+    """Set the bits (nx, ny, words) of UNSEEN cells, and of those neither that nor FREE.
 
-    Args:
-        state4: (nx, ny, nz / 4) uint32, four cells at a time, none above 7.
-        unseen: (nx, ny, words).
-        blocked: (nx, ny, words).
+    `state4` (nx, ny, nz / 4) uint32 holds four cells at a time, none above 7.
     """
     ones, gather = np.uint64(0x01010101), np.uint64(0x10204080)
     one, two, last = np.uint64(1), np.uint64(2), np.uint64(28)

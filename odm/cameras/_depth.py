@@ -61,16 +61,9 @@ def shadow_edges(along, depth, radius, focal, centre, size):
 def list_balls(view, centers, radii, balls, width, height):
     """List for every tile of the image the balls that may cover it.
 
-    Args:
-        view: Camera; its `tile_start`, `tile_item` and `tile_depth` are filled.
-        centers: (n, 3) in the base frame [m].
-        radii: (n,) [m].
-        balls: (n, 4) gets the centres in the camera's frame and the squared radii.
-        width: Of the image.
-        height: Of the image.
-
-    Returns:
-        The ball that the camera itself is in, or -1.
+    The view's `tile_start`, `tile_item` and `tile_depth` are filled; `balls` (n, 4)
+    gets the centres in the camera's frame and the squared radii. Returns the ball that
+    the camera itself is in, or -1.
     """
     pose, lens = view.pose, view.lens
     start, item, rect = view.tile_start, view.tile_item, view.rect

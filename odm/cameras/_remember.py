@@ -113,10 +113,8 @@ def list_sources(content, now, ageing, sources):
 def dilate(bits, spare, words):
     """Grow a set of cells by one in all 26 directions.
 
-    Args:
-        bits: (nx, ny * words) uint64 cells, 64 along z in a word.
-        spare: The same shape; overwritten.
-        words: Words of a row along z.
+    `bits` (nx, ny * words) uint64 has 64 cells along z in a word; `spare` is
+    overwritten.
     """
     nx, n = bits.shape
     one, last = np.uint64(1), np.uint64(63)
@@ -149,15 +147,9 @@ def dilate(bits, spare, words):
 def grow_sources(sources, ptr, shape, bits, spare):
     """Set `bits` to all sources, each dilated by its own number of cells.
 
-    Those to be dilated most begin; after every dilation the next ones join. What
-    grows beyond the grid is cut off only there: no source lies outside.
-
-    Args:
-        sources: Cells; see list_sources.
-        ptr: See list_sources.
-        shape: (3,) cells of the grid.
-        bits: (nx, ny * words) uint64.
-        spare: The same shape; overwritten.
+    Those to be dilated most begin; after every dilation the next ones join. What grows
+    beyond the grid is cut off only there: no source lies outside. `ptr` as in
+    list_sources; `spare` has the shape of `bits` and is overwritten.
     """
     ny, nz = shape[1], shape[2]
     words = bits.shape[1] // ny

@@ -7,7 +7,7 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
@@ -143,12 +143,9 @@ class DepthCamera:
     def misread(self, image: np.ndarray, most: float) -> str | None:
         """Return why its readings cannot be depths by this scale, or None.
 
-        To be asked where none of them lies in the robot's grid: a wrong scale and an
-        empty room look alike.
-
-        Args:
-            image: (height, width) uint16 with at least one reading.
-            most: The middle one of all readings is no farther than that [m].
+        Asked where none of them lies in the robot's grid, since a wrong scale and an
+        empty room look alike. The middle one of all readings must be no farther than
+        `most` [m].
         """
         valid = image[(image != NO_READING[0]) & (image != NO_READING[1])]
         middle, far = self.scale * np.median(valid), self.scale * float(valid.max())
@@ -173,8 +170,7 @@ class DepthCamera:
         v, u = np.nonzero((image != NO_READING[0]) & (image != NO_READING[1]))
         z = self.scale * image[v, u]
         x, y = z * (u - self.cx) / self.fx, z * (v - self.cy) / self.fy
-        T = self.T_base_camera
-        return np.column_stack([x, y, z]) @ T[:3, :3].T + T[:3, 3]
+        return moved_points(np.column_stack([x, y, z]), self.T_base_camera)
 
 
 def look_at(
@@ -201,10 +197,7 @@ def look_at(
             "move one of them, or give another direction `up`"
         )
     z, x = z / np.linalg.norm(z), x / np.linalg.norm(x)
-    pose = np.eye(4)
-    pose[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    pose[:3, 3] = eye
-    return pose
+    return pose_with(np.column_stack([x, np.cross(z, x), z]), eye)
 
 
 def _vector(value: object, name: str) -> np.ndarray:

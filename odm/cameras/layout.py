@@ -16,6 +16,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kinematics
 from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
+from roadmap.transforms import moved_points
 
 _MOST_PAYLOAD = 64
 _NO_PAYLOAD = np.zeros((0, 4))
@@ -134,7 +135,7 @@ class BodySpheres:
             f = self._frames[robot.tip_body]
             turn = f[:9].reshape(3, 3)
             tip = robot.T_body_tip
-            local = payload[:, :3] @ tip[:3, :3].T + tip[:3, 3]
+            local = moved_points(payload[:, :3], tip)
             self._centers[n : n + len(payload)] = local @ turn.T + f[9:]
             self._radii[n : n + len(payload)] = payload[:, 3]
         if len(self.centers) != n + len(payload) or len(payload):
@@ -164,11 +165,7 @@ def check_payload(payload: np.ndarray | None) -> np.ndarray:
 
 
 def covering_radius(cell_map: CellMap) -> float:
-    """Return half the diagonal of an eighth of a cell [m], if the map allows it.
-
-    Raises:
-        BadInput: It is larger than the map's rho.
-    """
+    """Return half the diagonal of an eighth of a cell [m]; at most the map's rho."""
     radius = float(np.sqrt(3.0) * cell_map.grid.h / 4.0) * (1.0 + 1e-9)
     rho = cell_map.safety.rho
     if radius > rho:
@@ -194,16 +191,10 @@ def views(
     buffers: CellBuffers,
     noise_m: float,
 ) -> list[View]:
-    """Return the views of all cameras, or refuse one of them.
+    """Return the views of all cameras, or refuse one: none, or one inside the base.
 
-    Args:
-        cameras: One or more, none inside the robot's base.
-        cell_map: Its robot, grid and rho count.
-        buffers: Its cells that are out of reach are left out.
-        noise_m: Of a reading [m].
-
-    Raises:
-        BadInput: No camera, or one in the base.
+    Robot, grid and rho of the map count; cells of the buffers that are out of reach are
+    left out. A reading is exact to `noise_m` [m].
     """
     if not cameras:
         raise BadInput("no camera was given; give at least one DepthCamera")

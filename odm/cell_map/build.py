@@ -3,7 +3,7 @@
 import logging
 import platform
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,13 +20,12 @@ from odm.close_test.static import always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
-from roadmap.chunks import Chunk, Threads, Workers
+from roadmap.chunks import Chunk, Progress, Threads, Workers
 from roadmap.graph.connecting import BuildReport, Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
 
-Progress = Callable[[str, int, int], None]
 log = logging.getLogger(__name__)
 
 
@@ -130,11 +129,8 @@ def _largest(robot: Robot, recipe: Recipe) -> Robot:
 def robot_of(recipe: Recipe) -> Robot:
     """Return the robot of a recipe, read from its URDF.
 
-    It keeps the source as the recipe writes it, so that a map is the same wherever
-    its recipe lies.
-
-    Raises:
-        BadRobot: The description or the choice of joints cannot be used.
+    It keeps the source as the recipe writes it, so that a map is the same wherever its
+    recipe lies.
     """
     asked = recipe.robot
     robot = load_robot(

@@ -13,7 +13,7 @@ from odm.close_test.arm import arm_of, moving_order
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadMap
 from roadmap.graph.roadmap import Roadmap
 from roadmap.robot.robot import Robot
@@ -42,9 +42,7 @@ class PayloadLayer:
 
     def __post_init__(self) -> None:
         """Freeze the arrays, keeping their types."""
-        for name in ("spheres", "closed"):
-            array = getattr(self, name)
-            object.__setattr__(self, name, frozen(array, array.dtype))
+        freeze(self, spheres=self.spheres.dtype, closed=self.closed.dtype)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
@@ -93,11 +91,7 @@ class CellMap:
         return self
 
     def __reduce__(self) -> tuple:
-        """Pickle by folder and hash.
-
-        Raises:
-            BadInput: The map was not loaded, or was altered after that.
-        """
+        """Pickle by folder and hash; refused where the map was not loaded as it is."""
         if self._lies is None:
             raise BadInput(
                 "a map pickles by its folder, and this one was not loaded from any; "

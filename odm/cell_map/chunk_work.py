@@ -78,16 +78,10 @@ def cells_of_edges(
     block: np.ndarray,
     mask: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """Return counts (k,), blocks and masks of motions q + t dq.
+    """Return counts (k,), blocks and masks of motions q + t dq, (k, dof) each.
 
-    Args:
-        spec: What is swept.
-        q: (k, dof) where the motions begin.
-        dq: (k, dof) how far they go.
-        ends: (k, 2) rows of `ptr`: the motion's two nodes.
-        ptr: Of the cells of these nodes, which are left out,
-        block: their blocks,
-        mask: and masks.
+    `ends` (k, 2) are the rows of `ptr`, `block` and `mask` that hold the cells of a
+    motion's two nodes, which are left out.
     """
     nodes = sweep.ItemCells(ptr, block, mask)
     return _lists(

@@ -19,13 +19,7 @@ _BUILDING = 66  # of an entry while it is made: chunks, all of them as one, pack
 
 @dataclass(frozen=True)
 class Estimate:
-    """Rough size of a map.
-
-    Attributes:
-        n_edges: Edges.
-        map_bytes: On disk.
-        build_bytes: Largest memory of the build.
-    """
+    """Rough size of a map: edges, its bytes on disk, the largest memory of a build."""
 
     n_edges: int
     map_bytes: int
@@ -48,11 +42,7 @@ def estimate(robot: Robot, recipe: Recipe) -> Estimate:
 
 
 def check_size(robot: Robot, recipe: Recipe) -> None:
-    """Refuse a build that would not fit in memory.
-
-    Raises:
-        BuildRefused: Names the estimate, the memory and what to change.
-    """
+    """Refuse a build that would not fit in memory; say what to change."""
     size = estimate(robot, recipe)
     room = free_memory()
     if size.build_bytes > _SHARE * room:

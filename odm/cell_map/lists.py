@@ -16,7 +16,7 @@ import numpy as np
 from odm.cell_map import _packed as packed
 from odm.cell_map._sweep import ItemCells
 from odm.cell_map.estimate import free_memory
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BuildRefused
 
 _MOST_STEPS = 2**32 - 1
@@ -66,8 +66,7 @@ class CellLists:
 
     def __post_init__(self) -> None:
         """Freeze the arrays, keeping their types."""
-        for name, array in self.arrays().items():
-            object.__setattr__(self, name, frozen(array, array.dtype))
+        freeze(self, **{name: a.dtype for name, a in self.arrays().items()})
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
@@ -135,13 +134,8 @@ def cells_of_item(
 def lists_of(arrays: dict[str, np.ndarray], n_blocks: int) -> CellLists:
     """Return the lists that a map's folder holds, packed or as maps were before.
 
-    Args:
-        arrays: By name, as `CellLists.arrays` gives them; or `EDGE_MAJOR`, alone or
-            with `BLOCK_MAJOR`.
-        n_blocks: Of the grid.
-
-    Raises:
-        KeyError: An array is missing.
+    `arrays` are by name, as `CellLists.arrays` gives them; or `EDGE_MAJOR`, alone or
+    with `BLOCK_MAJOR`. A KeyError names one that is missing.
     """
     if "start" in arrays or not arrays:
         return CellLists(*(arrays[name] for name in STORED), n_blocks)
@@ -160,16 +154,9 @@ def packed_lists(
 ) -> CellLists:
     """Pack cells by item; the same cells give the same bytes.
 
-    Args:
-        ptr: (n_items + 1,) item i owns entries ptr[i]:ptr[i + 1].
-        block: (n,) block of each entry, ascending within an item.
-        mask: (n,) its cells.
-        n_blocks: Of the grid.
-        share: Look for the commonest halves. False takes a tenth of the time, and
-            twice the memory afterwards.
-
-    Raises:
-        BuildRefused: There are too many of them.
+    Item i owns entries ptr[i]:ptr[i + 1] of `block`, ascending, and `mask`. Without
+    `share` the commonest halves are not looked for: a tenth of the time, and twice the
+    memory afterwards. BuildRefused where there are too many.
     """
     half = _common_halves(mask) if share else np.zeros(0, np.uint32)
     slot = np.full(packed.SLOTS, -1, np.int32)

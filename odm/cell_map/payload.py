@@ -9,13 +9,13 @@ from odm.cell_map.cell_map import CellMap, PayloadLayer
 from odm.cell_map.chunk_work import Standing, static_test
 from odm.cell_map.lists import packed_lists
 from odm.cell_map.recipe import PayloadRecipe, Recipe
-from odm.cell_map.sweep import Progress, sweep_roadmap
+from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.arm import arm_of
 from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
-from roadmap.arrays import frozen
-from roadmap.chunks import Workers
+from roadmap.arrays import freeze
+from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
@@ -24,7 +24,7 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import polytope_around, with_payload
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of
 
 _NO_POINTS = np.empty((0, 3))
 _ROUNDING = 1e-9  # [m] an object as large as the envelope fits
@@ -99,8 +99,7 @@ def build_payload(
 ) -> PayloadLayer:
     """Sweep the envelope and find where it touches the arm or the scenery.
 
-    Raises:
-        BadRecipe: The envelope touches the robot or the scenery at every node.
+    BadRecipe where it touches one of them at every node.
     """
     spheres = envelope_spheres(recipe)
     loaded = with_payload(robot, spheres, shell(envelope_solid(recipe.payload)), [])
@@ -174,14 +173,13 @@ class CarriedObject:
     exact: bool
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "spheres", frozen(self.spheres, np.float64))
-        object.__setattr__(self, "shell", frozen(self.shell, np.float64))
+        freeze(self, spheres=float, shell=float)
 
     def moved(self, T: np.ndarray) -> "CarriedObject":
         """Return it in another frame, T (4, 4)."""
         spheres = self.spheres.copy()
-        spheres[:, :3] = spheres[:, :3] @ T[:3, :3].T + T[:3, 3]
-        return CarriedObject(spheres, self.shell @ T[:3, :3].T + T[:3, 3], self.exact)
+        spheres[:, :3] = moved_points(spheres[:, :3], T)
+        return CarriedObject(spheres, moved_points(self.shell, T), self.exact)
 
 
 def carried_object(thing: object) -> CarriedObject:
@@ -214,11 +212,7 @@ def carried_object(thing: object) -> CarriedObject:
 
 
 def require_fit(recipe: PayloadRecipe, thing: CarriedObject) -> None:
-    """Refuse an object, in the tool frame, that the envelope does not contain.
-
-    Raises:
-        BadInput: Names both sizes.
-    """
+    """Refuse an object, in the tool frame, that the envelope does not contain."""
     T = pose_of(recipe.position, recipe.rpy)
     if thing.exact:
         points, radii = thing.spheres[:, :3], thing.spheres[:, 3]

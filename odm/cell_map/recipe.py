@@ -226,11 +226,7 @@ def parse_recipe(
 
 
 def recipe_of_map(table: dict[str, Any]) -> Recipe:
-    """Return the recipe that a map or a recording keeps, see `Recipe.for_map`.
-
-    Raises:
-        BadRecipe: It is not one of this version.
-    """
+    """Return the recipe that a map or a recording keeps, see `Recipe.for_map`."""
     robot = {"travel": [], **table.get("robot", {})}
     return parse_recipe({**table, "robot": robot}, table["name"], stored=True)
 

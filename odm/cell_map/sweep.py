@@ -1,6 +1,6 @@
 """Offline: the cells that nodes and edges sweep, into the lists of a layer."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -11,13 +11,12 @@ from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
-from roadmap.chunks import Chunk, Threads, Workers
+from roadmap.chunks import Chunk, Progress, Threads, Workers
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
 
 CHUNK = 1024  # items of one unit of work; the bytes do not depend on it
-Progress = Callable[[str, int, int], None]
 
 
 def sweep_roadmap(
@@ -69,11 +68,8 @@ def swept_by(
 ) -> sweep.Swept:
     """Return what compiled sweeps take.
 
-    Args:
-        arm: The robot.
-        radii: (n,) of its spheres, grown [m].
-        tolerance: Largest inflation of a piece of a motion [m].
-        grid: Where.
+    `radii` (n,) are of the arm's spheres, grown [m]; no piece of a motion is inflated
+    by more than `tolerance` [m].
     """
     return sweep.Swept(
         arm, radii, tolerance, sweep.Grid(grid.origin, grid.h, grid.blocks)

@@ -52,13 +52,10 @@ def box_distance2(x, y, z, box):
 
 @njit(**WITHIN_INNER)
 def list_near(cloud, x, y, z, reach):
-    """List the blocks whose points may come within `reach` of a place [m].
+    """List the blocks whose points may come within `reach` of a place [m]; return n.
 
     They are in cloud.near, in order, and cloud.away has the squared distance of every
     block's box. Of many boxes these are worked out first, for several at once.
-
-    Returns:
-        How many there are.
     """
     away, near, reach2 = cloud.away, cloud.near, reach * reach
     n, place, found = cloud.counts[N_LISTED], (x, y, z), np.uint64(0)

@@ -215,13 +215,8 @@ def line_distance(solids, k, a, c, keep):
 def displaced(rows, kinds, count, solids):
     """Bound how far any place of the shapes is from where its shape was before [m].
 
-    Infinite where there are more or fewer shapes, others, or a mesh.
-
-    Args:
-        rows: (k, 19) the shapes before; see `Solids`.
-        kinds: (k,) of each.
-        count: How many there were.
-        solids: The shapes now.
+    `rows` (k, 19) are the `count` shapes before, of `kinds`. Infinite where there are
+    more or fewer shapes now, others, or a mesh.
     """
     if count != solids.count[0]:
         return math.inf

@@ -38,11 +38,7 @@ class SortedCloud:
 
 
 class SortedClouds:
-    """Room for several sets of points at a time.
-
-    Args:
-        grid: The map's grid.
-    """
+    """Room for several sets of points at a time, on a map's grid."""
 
     def __init__(self, grid: WorkspaceGrid) -> None:
         """Have no room yet."""

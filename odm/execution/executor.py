@@ -1,19 +1,18 @@
 """From the planner's answers to set-points: joined, timed, and braked for the person.
 
 At every moment there is a stop that was tested: before a set-point is passed on, the
-path up to the end of the stop that could begin behind it is tested against the points
+path up to the end of the stop that could begin behind it is tested against the points,
 grown by how far the person can come meanwhile. Where the test fails the robot slows
 down; where that does not help it takes the stop it holds.
 
-A robot that is pushed is not on the motion that was tested (`Executor.locate`). Within
-the tracking share of m, less what its encoders may be wrong by, it goes on. Farther off
-it stops, as quickly as it can on its path. There is no quicker stop, so none is looked
-for, whatever lies beside the tested path: this, with the centimetres of the push
-itself, is the one thing that it does untested. What it may do instead is to go on
-retreating from somebody, if that is free *beside* the motion: from the person by balls
-that are larger by how far it is off, from itself and its scenery at the very offset.
-At rest, and once it is held still, it takes the place where it is for its set-point:
-the planner plans from there, and tests the first leg in full.
+A pushed robot is beside the motion that was tested (`Executor.locate`). Within the
+tracking share of m, less the error of its encoders, it goes on. Farther off it stops on
+its path as quickly as it can: besides the push itself, this stop beside the tested path
+is the only motion that is not tested. It may go on retreating from a person instead, if
+that is free where it really is: from the person by balls grown by its offset, from
+itself and the scenery at the very offset. Once it rests, or is held still, its
+set-point becomes the place where it is: the planner plans from there, and tests the
+first leg in full.
 """
 
 import math
@@ -48,8 +47,8 @@ _TOO_NEAR = "somebody is too near for it to move: it stands until they are farth
 class Executor:
     """Holds the motion in use and decides in every frame how it goes on.
 
-    In every frame: `locate` (if q is measured), `commit`, the planner's answer from
-    there, `update`, then `advance`.
+    Each frame calls `locate` (if q is measured), `commit`, the planner from there,
+    `update` with its answer, then `advance`.
 
     Args:
         robot: The robot.
@@ -61,13 +60,12 @@ class Executor:
 
     Attributes:
         motion, t: The motion in use, and the time on it [s].
-        held, held_t: The stop that was tested, to be taken where nothing else is, and
-            the time on it [s], negative before it begins; None where nobody was about.
+        held, held_t: The stop that was tested, taken where nothing else is, and the
+            time on it [s], negative before it begins; None where nobody was about.
         state: "moving", "slowed", "braked", "retreating" or "standing".
-        reason: One sentence while it is slowed or braked, or stands with a way out that
-            it may not take.
+        reason: One sentence: why it is slowed or braked, or may not take a way out.
         brakes: Whether the planner can test the path of a stop.
-        quick: Whether it stops so soon that nobody is expected to speed up harder
+        quick: Whether it stops so soon that nobody is expected to accelerate harder
             meanwhile than so far (`PaceSettings.quick_s`).
         timed_path: Whether the last `update` timed a new path, which takes a while.
     """
@@ -193,11 +191,7 @@ class Executor:
         self._jerk_rule = rule
 
     def part_from(self, held_out: HeldOut | None) -> None:
-        """Test who is evaded, and what they hold out, each by rules of its own.
-
-        Args:
-            held_out: Knows which is which; None: all that is told of is the person.
-        """
+        """Test the person and what they hold out by separate rules; None: alike."""
         self._held_out = None if held_out is None else (held_out, BrakingTest(held_out))
 
     def commit(self) -> Commit:
@@ -255,10 +249,7 @@ class Executor:
     def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer planned from `commit`, then brake where it must be.
 
-        Args:
-            answer: The planner's answer.
-            commit: From `commit`, in this frame.
-            threat: Where the person can be; None where nobody is about.
+        `threat` is where the person can be; None where nobody is about.
         """
         if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()
@@ -303,8 +294,8 @@ class Executor:
     def advance(self) -> None:
         """Let one period pass; without an answer since the last one, brake.
 
-        The watchdog of a late frame or a late planner: what was tested is the path to
-        the end of a stop behind this set-point, and no more.
+        This is the watchdog of a late frame or planner: only the path to the end of a
+        stop behind this set-point was tested.
         """
         if not self._updated and not self.at_rest:
             self._stop_as_tested()
@@ -423,10 +414,10 @@ class Executor:
         return self._begin_evading(path, threat, self.pace.retreats)
 
     def _evades_on(self, threat: Moving | None) -> bool:
-        """Go on with an evasion as fast as the person lets it; False: not at all.
+        """Go on with an evasion as fast as the braking test allows; False: not at all.
 
-        A quick robot takes longer to stop, and the person gets farther meanwhile: so
-        the speed that passes falls as they come near, and rises where they fall back.
+        A faster robot takes longer to stop, but the person gets farther meanwhile: so
+        the speed that passes falls as they come near, and rises as they fall back.
         """
         robot, motion, full = self.robot, self.motion, self.settings.yield_scale
         threat = _as_lately(threat)
@@ -452,10 +443,10 @@ class Executor:
         threat: Moving,
         shares: tuple[float, ...],
     ) -> bool:
-        """Retreat along a path, as fast as the person lets it; False if not now.
+        """Retreat along a path as fast as the braking test allows; False if not now.
 
-        A robot that stands tries one of the speeds in a frame, the others in the next
-        ones: each takes as long as the frame has left beside the search for the path.
+        A standing robot tries one speed in a frame and the others in the next ones:
+        each test takes all that a frame has left beside the search for the path.
         """
         threat, self._left = _as_lately(threat), None
         stands, commit = self.at_rest, self.motion.commit(self.t, 0.0)
@@ -629,8 +620,8 @@ class Executor:
     def _jerk_share(self) -> float:
         """Return the share of the jerk that is allowed, worked out once a frame.
 
-        Who has just slowed down for somebody uses all of it: beside a person whom it
-        must be able to stop for, a gentle start would creep for seconds.
+        It is all of it just after slowing down for a person: beside them a gentle start
+        would creep for seconds.
         """
         lately = (self._frame - self._hindered) * self.period < self.pace.hindered_s
         if self._jerk_rule is None or lately:
@@ -747,7 +738,7 @@ class Executor:
     def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)
         time = self.period + stop.duration
-        far = threat.strays(time)
+        far = threat.displacement_bound(time)
         return (
             f"a stop takes {1e3 * time:.0f} ms, and by then the person can be in its "
             f"way: at up to {threat.fastest:.2f} m/s, and up to {100 * far:.0f} cm "

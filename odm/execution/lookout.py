@@ -19,11 +19,7 @@ from roadmap.motion.motion import Motion
 class SeparationWatch:
     """Follows from frame to frame how near the points are to the robot.
 
-    Args:
-        planner: Asked with `separation`.
-
-    Attributes:
-        last: The separation that was measured last [m]; infinite where none was.
+    `last` is the separation that was measured last [m]; infinite where none was.
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
@@ -92,13 +88,8 @@ class Lookout:
     ) -> np.ndarray | None:
         """Return (2, dof) a motion that leads away, or None; ask in every frame.
 
-        It begins where the robot could leave the motion in use.
-
-        Args:
-            motion: The motion in use.
-            t: The time on it [s].
-            threat: The person.
-            speed_scale: Share of the speed limits that it will use.
+        It begins where the robot could leave the motion in use, at time t on it, and
+        uses `speed_scale` of the speed limits.
         """
         self._wait_s -= self.period
         if self._wait_s > 1e-9:

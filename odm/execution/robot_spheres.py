@@ -14,7 +14,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import motion_per_point, sphere_centers
 from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, moved_points
 
 
 class RobotSpheres:
@@ -66,7 +66,7 @@ class RobotSpheres:
         rows[:, 3] = self.radii
         if T_world_base is not None:
             T = check_pose(T_world_base, "T_world_base")
-            rows[:, :3] = rows[:, :3] @ T[:3, :3].T + T[:3, 3]
+            rows[:, :3] = moved_points(rows[:, :3], T)
         return rows
 
     def obstacles(self, q: np.ndarray, T_world_base: np.ndarray) -> Obstacles:

@@ -25,12 +25,7 @@ from roadmap.motion.motion import Motion
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """What a robot may do next: a motion from one time on it to another.
-
-    Attributes:
-        motion: The motion.
-        begin, end: Times on it [s].
-    """
+    """What a robot may do next: a motion from time `begin` on it to `end` [s]."""
 
     motion: Motion
     begin: float
@@ -41,11 +36,7 @@ Intent = tuple[Stretch, ...]
 
 
 def intent_of(executor: Executor) -> Intent:
-    """Return all that an executor may still do without another test.
-
-    Args:
-        executor: In a frame in which it was updated, or before its first one.
-    """
+    """Return all that an executor may still do without another test."""
     motion, t = executor.motion, executor.t
     held = executor.held
     if held is None or held is motion:
@@ -73,7 +64,7 @@ class IntentThreat:
         """Return what it may sweep, and 0: the same at all times, whoever is late."""
         return self.swept, 0.0
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far it may be from the places that stand for its way [m]."""
         return self.spread
 
@@ -153,7 +144,7 @@ class LimitsThreat:
         rows[:, 3] += self._grown(middle, half, end)
         return Obstacles(spheres=rows), 0.0
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far it may be by then from where its speed leads [m]."""
         end = max(time, 0.0) + age_of(self.age)
         if not end < math.inf:

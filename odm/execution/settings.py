@@ -20,33 +20,30 @@ class ExecutionSettings:
     Attributes:
         speed_scale: Share of the joints' speed limits the robot uses.
         retreat_scale: The same while it retreats.
-        yields: Whether a robot gets out of the way of who comes at it, as far as its
-            stop passes the braking test; else it stands and is come to.
-        yield_scale: Share of the joints' speed limits that it then uses: less makes it
-            be touched more often, `odm bench motions`.
-        blend: Corners are rounded within this [m], but never within more than the
-            map's blending share of m.
+        yields: Whether the robot moves out of the way of a person who comes, if the
+            braking test of its stop passes; else it stands still.
+        yield_scale: Share of the joints' speed limits used for that. Less: it is
+            touched more often, see `odm bench motions`.
+        blend: Corners are rounded within this [m], at most within the map's blending
+            share of m.
         commit_delay_s: A new path begins where the robot would stand if it began to
-            stop this much later [s]. More: corners have more length to be rounded on,
-            and the robot answers later.
-        min_retreat_separation: No backing off where the separation, extrapolated by
-            two frames, is below this [m].
-        yield_gap: Who comes is evaded only as far as the links themselves keep this
-            from them until a stop is over [m]. Less: it goes on where a person is
-            within the cover, and is touched while it moves by who speeds up by more
-            than is assumed.
-        encoder_error: Bound on the position error of any robot point that the encoders
-            cause [m]; it is taken off the tracking share of m. It cannot be measured
-            here, so the caller has to know it.
-        hold_delay_s: A robot that moves begins to hold so much later than the planner
-            says so [s], while its path up to the end of a stop is free of all that the
-            frame has, and of where the person may come. More: it goes on past a goal
-            that is taken for a moment, and nearer to one that stays taken. Less: beside
-            a hand that trembles it stops and starts anew at each tremble.
-        levels: Levels of speed, of which the braking test lets it use the fastest.
-        lower: Each is this share of the one above. More, or levels nearer to each
-            other: it loses less speed to somebody far away, and needs more frames to
-            slow down for somebody near.
+            stop this much later [s]. More: corners are rounded wider, and the robot
+            answers later.
+        min_retreat_separation: It does not back off where the separation, extrapolated
+            by two frames, is below this [m].
+        yield_gap: While it moves out of the way, its links keep this from the person
+            until it stands [m]. Less: it also moves where a person is inside the cover,
+            and may be touched by somebody who accelerates harder than assumed.
+        encoder_error: Bound on the position error that the encoders cause at any robot
+            point [m], taken off the tracking share of m. The caller must know it.
+        hold_delay_s: A moving robot goes on for so long after the planner holds [s],
+            while its path up to the end of a stop is free. More: it passes a goal that
+            is blocked for a moment, and comes nearer to one that stays blocked. Less:
+            beside a trembling hand it stops and starts again and again.
+        levels: Levels of speed; the fastest that passes the braking test is used.
+        lower: Each level is this share of the one above. More levels, nearer to each
+            other: less speed is lost to a person far away, and slowing down for one
+            nearby takes more frames.
     """
 
     speed_scale: float = 0.5
@@ -89,22 +86,22 @@ class PaceSettings:
     """How the executor goes from speed to speed, and retreats (`executor.Executor`).
 
     Attributes:
-        look_ahead_s: A higher speed must pass the test of a stop that begins so much
-            later [s]. More: the robot is quicker again later, and slows down less.
-        hindered_s: After it slowed down for somebody no jerk is limited for so long
+        look_ahead_s: A higher speed must pass the test of a stop that begins this much
+            later [s]. More: it speeds up later, and slows down less.
+        hindered_s: After slowing down for a person, jerk is not limited for so long
             [s]: a gentle start beside them would creep.
-        keep_every: Frames between two looks at the jerk of a motion, which cost a
-            timing each.
-        again: A limit of the jerk that differs by this factor is another one.
-        harder: Factor on the limit of jerk where a motion cannot keep that limit.
+        keep_every: Frames between two checks of a motion's jerk limit; each takes a
+            timing.
+        again: A jerk limit that differs by this factor counts as changed.
+        harder: Factor on the jerk limit where a motion cannot keep it.
         retreat_every: Frames between two searches for a retreat, which take a while.
-        retreats: Shares of a retreat's speed that are tried, one after the other.
-        evasions: Shares of its present speed at which an evasion goes on.
+        retreats: Shares of a retreat's speed, tried in turn.
+        evasions: Shares of its present speed at which an evasion may go on.
         slowest: No evasion is slower than this share of the joints' speed limits.
         tracking: Tracking share of m for planners without a map [m].
-        quick_s: Who stops within this from the slowest speed [s] need not expect that
-            somebody speeds up harder meanwhile than so far (`ThreatSettings.jerk`): in
-            0.05 s that would be 2 mm, a fifth of m.
+        quick_s: A robot that stops from its slowest speed within this [s] does not
+            expect anybody to accelerate harder meanwhile than so far
+            (`ThreatSettings.jerk`): in 0.05 s that would be 2 mm, a fifth of m.
     """
 
     look_ahead_s: float = 0.02
@@ -160,15 +157,16 @@ class LookoutSettings:
 class StopTestSettings:
     """How finely the path to a stop is tested (`stop_test`, `shell_test`).
 
-    Every choice proves as much: finer pieces free more, and cost more.
+    Every choice proves as much: finer pieces free more motions, and cost more.
 
     Attributes:
-        slice_s: By the cover, a motion is tested in pieces of this length [s].
-        shell_slice_s: By the shells in pieces of this length [s],
-        at_once: ... and so many of those at once before.
-        places: Of a way, at which it is asked whether it leads away from who is near.
-        near: Somebody farther away than m plus this is not near [m]; it must exceed
-            the close test's own share.
+        slice_s: Length of a piece that is tested by the cover [s].
+        shell_slice_s: Length of a piece that is tested by the shells [s].
+        at_once: How many of those are tested together first.
+        places: Places on a motion at which it is checked that it leads away from a
+            person.
+        near: A person within m and this is near [m]; more than the close test's own
+            share.
     """
 
     slice_s: float = 0.04
@@ -186,12 +184,12 @@ class StopTestSettings:
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """When a pushed robot is held still (`tracking.TrackingMonitor`).
+    """When a pushed robot counts as held still (`tracking.TrackingMonitor`).
 
     Attributes:
-        still: While no point of it moves by more than this [m]
-        held_s: ... for so long [s]: then where it is becomes its set-point. More: a
-            robot that is led by hand goes on by itself later.
+        still: No point of it moves by more than this [m],
+        held_s: ... for so long [s]: then its set-point becomes where it is. More: a
+            robot led by hand goes on by itself later.
     """
 
     still: float = 0.001
@@ -226,13 +224,13 @@ class FollowSettings:
     """How a person is followed from frame to frame (`threat.Watcher`).
 
     Attributes:
-        drift_s: Time over which the drift of a part is a mean [s], and for which it is
-            remembered how fast anybody was: a hand that trembles at 5 Hz or faster
-            gets nowhere in this time.
+        drift_s: Time over which a part's drift is averaged, and for which the fastest
+            part is remembered [s]; a hand that trembles at 5 Hz or faster gets nowhere
+            in it.
         spurt_s: With noise, an acceleration is measured over this time [s].
         confirmed: Frames that must agree on a velocity before it counts.
-        most_growth: Who may be farther than this from where they are expected may be
-            anywhere [m].
+        most_growth: A part that may be farther than this from where it is expected may
+            be anywhere [m].
     """
 
     drift_s: float = 0.2
@@ -251,10 +249,9 @@ class AheadSettings:
     """How far ahead a limit of speed or jerk looks (`speed_limit.SpeedLimit`).
 
     Attributes:
-        direction_s: The direction is that of the motion's next piece of this length
-            [s].
-        jerk_s: At these times from now no point near a hand is jerked [s]: a motion is
-            gentle from where a gentle stop before the hand has still time.
+        direction_s: Length of the motion's next piece, whose direction counts [s].
+        jerk_s: Times from now at which points near a hand keep the limit of jerk [s]: a
+            motion becomes gentle early enough for a gentle stop before the hand.
     """
 
     direction_s: float = 0.05

@@ -110,13 +110,7 @@ class ShellTest:
     ) -> bool:
         """Whether the links keep `least` [m] from the person to the end of a stop.
 
-        Args:
-            motion: The motion in use.
-            t: The present time on it [s].
-            begin: When the stop begins, on the same clock [s].
-            stop: The stop on the same path.
-            threat: Where the person can be.
-            least: Distance to keep [m].
+        The arguments are those of `BrakingTest.passes`.
         """
         robot = self.planner.static.robot
         shells = self._shells

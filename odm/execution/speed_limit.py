@@ -49,15 +49,15 @@ class SpeedSettings:
         stopping_s: T_s, of a stop at the speeds of a hand-over [s].
         intrusion: C, how far a part may have come in before it is seen [m].
         position_error: Z, of person and robot together [m].
-        least_speed: Slower than this it is never made [m/s]; 0.15 is well below the
+        least_speed: The robot is never slowed below this [m/s]; 0.15 is well below the
             0.25 m/s at which robots beside people are commonly taught.
         unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
-        hand_near: So near to a hand that takes part [m] ...
-        hand_speed: ... no point of the robot is quicker than this, whichever way it
-            goes [m/s]: for comfort, no term of the standard,
-        hand_jerk: ... and none is jerked harder than this along its path [m/s3], for
-            comfort, too: the most that a hand has which reaches half a metre in a
-            second (60 D / T^3 of a minimum-jerk motion). No stop is softened by it.
+        hand_near: Distance from the hand that takes part within which the next two
+            count [m]: both are for comfort, and no terms of the standard.
+        hand_speed: Largest speed of any robot point there, in any direction [m/s].
+        hand_jerk: Largest jerk of any point there, along its path [m/s3]: that of a
+            hand which reaches half a metre in a second (60 D / T^3 of a minimum-jerk
+            motion). Stops do not keep it.
     """
 
     reaction_s: float = 0.02
@@ -120,12 +120,8 @@ class SpeedLimit:
     ) -> float:
         """Return the share of `speed_scale` that is allowed now, in (0, 1].
 
-        Args:
-            motion: The motion in use.
-            t: The time on it [s].
-            speed_scale: Share of the joints' speed limits at full speed.
-            threat: The person, as seen now.
-            hands: (k, 7) capsules of hands that take part [m]; None: none does.
+        At time t [s] on the motion in use, beside the person as seen now and `hands`
+        (k, 7), capsules of hands that take part [m]; None: none does.
         """
         if t >= motion.duration:
             return 1.0
@@ -152,13 +148,8 @@ class SpeedLimit:
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
         """Return the share of the jerk limits that is allowed now, in (0, 1].
 
-        Points near a hand, now or soon, keep `hand_jerk` along their path: what its
-        bends add is left out.
-
-        Args:
-            motion: The motion in use.
-            t: The time on it [s].
-            hands: (k, 7) capsules of hands that take part [m].
+        Points near one of the `hands` (k, 7) [m], at time t [s] on the motion in use or
+        soon, keep `hand_jerk` along their path: what its bends add is left out.
         """
         s = self.settings
         if not (s.hand_near and s.hand_jerk < np.inf and len(hands)):

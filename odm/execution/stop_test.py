@@ -30,12 +30,10 @@ class HeldOut(Protocol):
     def blocked_leg(
         self, path: np.ndarray, extra: float, points: Obstacles
     ) -> int | None:
-        """Return the first leg of a path that what is held out blocks; None: none.
+        """Return the first leg of a path (k, dof) that what is held out blocks.
 
-        Args:
-            path: (k, dof) its corners [rad or m].
-            extra: Distance that is kept beyond the clearance [m].
-            points: What is held out, and nobody, at any number of moments.
+        None: there is none. It keeps `extra` [m] beyond the clearance; `points` are
+        what is held out, and nobody, at any number of moments.
         """
 
 
@@ -96,18 +94,11 @@ class BrakingTest:
     ) -> np.ndarray | None:
         """Return (k,) which parts of the person are near and left by a motion.
 
-        Each sphere of the cover is compared with each part of the person, who is where
-        they are expected in the middle of the time, grown by how far they may come if
-        they speed up no harder than so far. A part that is near anywhere must come
-        nearer to no sphere from place to place until the robot stands; else None. This
-        tells what a motion leads away from; whether they touch is what `passes` tells.
-
-        Args:
-            motion: The motion in use.
-            t: The present time on it [s].
-            begin: When the stop begins, on the same clock [s].
-            stop: The stop on the same path.
-            threat: The person.
+        Each sphere of the cover is compared with each part of the person: where it is
+        expected in the middle of the time, grown by how far it may come if it
+        accelerates no harder than so far. A near part must get farther from every
+        sphere from place to place until the robot stands; else None. This does not tell
+        whether they touch: `passes` does, which has the same arguments.
         """
         time = max(begin - t, 0.0) + stop.duration
         there, more = threat.as_so_far().between(0.0, time)
@@ -152,10 +143,7 @@ class BrakingTest:
 def stop_time(robot: Robot, speed_scale: float, period: float) -> float:
     """Return how long the longest of the joints' stops takes [s].
 
-    Args:
-        robot: The robot.
-        speed_scale: Share of the joints' speed limits at which it begins.
-        period: Time between frames [s].
+    From `speed_scale` of the joints' limits, after one more period.
     """
     speed = speed_scale * robot.max_velocity
     a, jerk = robot.max_acceleration, robot.max_jerk
@@ -171,11 +159,10 @@ def slowest_stop(
 ) -> tuple[float, float]:
     """Return how long the shortest stop takes [s], and how far somebody comes [m].
 
-    A robot that is slowed down for a person uses its slowest level of speed. The joint
-    that takes longest to stop from there counts, by its limits of acceleration and
-    jerk, after one more period; the person stands before, as far as the sensor can
-    tell, and starts off as hard as is assumed of them. Nearer to them than that, and
-    the clearance, it does not get: it brakes as soon as it has begun to move.
+    That is the stop from the slowest level of speed, of the joint that takes longest by
+    its acceleration and jerk, one period late. The person stands at first, as far as
+    the sensor can tell, and starts off as hard as is assumed of them. The robot gets no
+    nearer to them than that and the clearance: it would brake as soon as it moved.
 
     Args:
         robot: The robot.
@@ -186,4 +173,4 @@ def slowest_stop(
     time = stop_time(robot, settings.slowest_scale, period)
     if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
         threat = replace(threat, jerk=0.0)
-    return time, threat.strays(time, period)
+    return time, threat.displacement_bound(time, period)

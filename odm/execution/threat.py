@@ -138,14 +138,14 @@ class ThreatSettings:
         """Return the bound on the error of a mean velocity over a time [s], in m/s."""
         return 2.0 * self.noise / window + 0.5 * self.acceleration * window
 
-    def strays(
+    def displacement_bound(
         self, time: float, period: float, follow: FollowSettings = _FOLLOW
     ) -> float:
-        """Return how far somebody who seems to stand may be by then [m].
+        """Return how far somebody who seems to stand may be after a time [m].
 
         Args:
             time: From the last frame on [s].
-            period: Time between frames [s]; a velocity is a mean over some of them.
+            period: Time between frames [s], over some of which velocities are averaged.
             follow: How they are followed.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
@@ -167,7 +167,7 @@ class Moving(Protocol):
         Infinite where they can be anywhere.
         """
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far they may be from where they are expected by then [m]."""
 
     @property
@@ -244,12 +244,12 @@ class Threat:
         )
 
     def left_alone(self, these: slice, time: float) -> "Threat":
-        """Return the threat if nothing accelerates some of the parts; see the module.
+        """Return the threat where nothing accelerates some parts; see the module.
 
         Args:
-            these: Which: parts of an object that stands.
-            time: Nobody can reach them for so long from now on [s], nor could they for
-                as long as their velocities are means over.
+            these: Which parts: those of an object that stands.
+            time: Nobody can reach them for so long [s], nor could they for as long as
+                their velocities are averaged over.
         """
         if self.window is None:
             return self
@@ -301,8 +301,8 @@ class Threat:
     def as_so_far(self) -> "Threat":
         """Return the threat of a person who accelerates no harder than so far.
 
-        For a robot that is quick to stop, and for one that gets out of their way:
-        expected to do more, they would keep it where they touch it.
+        For robots that stop quickly, and for evasions: expected to do more, a person
+        would keep the robot from moving at all.
         """
         if not self.expects_harder:
             return self
@@ -330,7 +330,7 @@ class Threat:
         told = self._ability, limits, begin + age, end + age, room.capsules
         return room, 0.0 if write_between(*told) else math.inf
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far a part may be from where its velocity leads it by then [m]."""
         there, more = self.between(time, time)
         grown = there.capsules[:, 6] - self.capsules[:, 6]
@@ -426,9 +426,9 @@ class PartlyCalm:
         there.capsules[self.calm] = calm.capsules[self.calm]
         return there, max(more, less)
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far a part may be from where it is expected by then [m]."""
-        return self.threat.strays(time)
+        return self.threat.displacement_bound(time)
 
     @property
     def fastest(self) -> float:
@@ -452,9 +452,11 @@ class CloudThreat:
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return the points, and how far they may have come by `end` [m]."""
-        return self.points, self.strays(end if begin + end < math.inf else math.inf)
+        return self.points, self.displacement_bound(
+            end if begin + end < math.inf else math.inf
+        )
 
-    def strays(self, time: float) -> float:
+    def displacement_bound(self, time: float) -> float:
         """Return how far a point may have come by then [m]."""
         passed = age_of(self.age) + max(time, 0.0)
         if not passed < math.inf:
@@ -557,10 +559,10 @@ class Watcher:
         return np.minimum(grown, self.settings.max_plausible_speed)
 
     def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
-        """Return how fast a part that was lost may be by now, as any was lately [m/s].
+        """Return how fast a part that was lost may be by now [m/s].
 
-        The fastest of the last fifth of a second counts, faster by now by what its
-        velocity may be wrong and an acceleration can add.
+        The fastest part of the last fifth of a second counts, with what its velocity
+        may be wrong by and what an acceleration can have added.
         """
         fastest = math.sqrt(np.einsum("kei,kei->ke", rates, rates).max(initial=0.0))
         fastest += self._slack[sure].max(initial=0.0)

@@ -26,15 +26,9 @@ NEAR, SHUT = 1, 2  # marks of an item: it shares a cell; it is closed for good
 def items_near(direct, graph, cloud, mark, found):
     """List the items that share a cell with a cloud, nodes with all their edges.
 
-    Args:
-        direct: Items by block.
-        graph: An edge's cells are those of its list and of its two nodes.
-        cloud: The marked cells.
-        mark: (n + m,) 0 before; NEAR of what was found.
-        found: (n + m,) the items, in no order.
-
-    Returns:
-        How many were found.
+    An edge's cells are those of its list and of its two nodes. `mark` (n + m,) is 0
+    before, NEAR for what was found; `found` gets the items in no order. Returns their
+    number.
     """
     n_nodes = graph.adj_ptr.shape[0] - 1
     count = 0

@@ -132,12 +132,8 @@ class Carrier:
     def set_place(self, things: dict[str, Standing], anew: bool = False) -> int:
         """Take what stands at this place, and close what it blocks of the graph in use.
 
-        Args:
-            things: All of it, by name.
-            anew: Distances have changed, so that all is closed anew.
-
-        Returns:
-            How many points lie outside the grid.
+        Returns how many points lie outside the grid. Where distances have changed, all
+        is closed `anew`.
         """
         self.things = things
         outside = self.bare.set_place(place_of(things.values()))

@@ -36,6 +36,7 @@ from roadmap.arrays import is_lendable, lent
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
+from roadmap.transforms import moved_points
 
 
 class Cover(NamedTuple):
@@ -237,10 +238,8 @@ class Frame:
         """Copy and mark a frame's points (n, 3) of the world, as `checked` gave them.
 
         `trouble` says whether they can be used. Where they can, no time was given and
-        `q` is, the frame is answered from there in the same compiled call.
-
-        Returns:
-            What `respond` says, or NOT_ASKED (`odm/search/_step.py`).
+        `q` is, the frame is answered from there in the same compiled call: returns what
+        `respond` says, else NOT_ASKED (`odm/search/_step.py`).
         """
         if stamp is not None or now is not None or self._unfit is not None:
             q = None
@@ -607,7 +606,7 @@ class Frame:
         self.base_world = self.world.T_base_world.copy()
         self.memory.patterns.base_world[:] = self.base_world
         move_solids(self.solids, self.base_world @ before)
-        p_world = self.points @ before[:3, :3].T + before[:3, 3]
+        p_world = moved_points(self.points, before)
         self.replace(self.world.points(p_world))
 
     # --- tests of motions ------------------------------------------------------
@@ -635,12 +634,8 @@ class Frame:
     ) -> bool:
         """Run the close test of q + t dq, t in [0, 1], against points and all shapes.
 
-        Args:
-            q: (dof,) start [rad or m].
-            dq: (dof,) displacement.
-            cloud: The points, laid out; None: the frame's.
-            more: More distance than must be kept [m].
-            escape: Only what is too near now may be near; see `_close.py`.
+        The points laid out in `cloud` (None: the frame's), with `more` distance kept
+        [m]. With `escape` only what is too near now may be near; see `_close.py`.
         """
         test = self.close_test
         if more:

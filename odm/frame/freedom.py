@@ -11,13 +11,7 @@ from roadmap.errors import BadConfiguration
 
 
 def check_valid(static: StaticTest, q: np.ndarray, name: str) -> None:
-    """Raise BadConfiguration where q can never be a goal in this place.
-
-    Args:
-        static: What never moves: `planner.static`.
-        q: (dof,) [rad or m].
-        name: What the message calls it.
-    """
+    """Raise BadConfiguration, by `name`, where q (dof,) can never be a goal."""
     if not np.isfinite(q).all():
         raise BadConfiguration(f"{name} holds NaN or infinity: {q}; give numbers")
     trouble = outside_limits(static.robot, q, 0.0)
@@ -37,15 +31,7 @@ def is_free(
 ) -> Freedom:
     """Test a straight motion; see `ReactivePlanner.is_free`.
 
-    Args:
-        frame: Scenery, and the last frame's points.
-        q_a: (dof,) start [rad or m].
-        q_b: (dof,) end.
-        phase: "give", "receive" or None.
-        last_phase: What tests a phase; needed where one is given.
-
-    Raises:
-        BadInput: Wrong length or not finite, or a phase that cannot be.
+    Scenery and last points are the frame's; a phase is tested by `last_phase`.
     """
     ends = []
     for name, q in (("q_a", q_a), ("q_b", q_b)):

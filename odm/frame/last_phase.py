@@ -88,14 +88,9 @@ class LastPhase:
     ) -> tuple[int, int, float] | None:
         """Test q + t dq; return (sphere, point, metres too near), None where free.
 
-        Instead of a point FIRST_SOLID - k is told for solid k.
-
-        Args:
-            cover: Spheres of the arm, the gripper and the payload.
-            q: (dof,) start [rad or m].
-            dq: (dof,) displacement.
-            extra: More distance, for braking [m].
-            escape: What is nearer at q already only must not come nearer.
+        Instead of a point FIRST_SOLID - k is told for solid k. The spheres of `cover`
+        are the arm's, gripper's and payload's; they keep `extra` more [m]. With
+        `escape` what is nearer at q already only must not come nearer.
         """
         for k, (test, of) in enumerate(self._tests(cover, extra)):
             if escape:

@@ -21,6 +21,7 @@ from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
 from roadmap.errors import BadInput
+from roadmap.transforms import moved_points
 
 NODES_AT_ONCE = 400  # of what a thing comes near to: 3 us each, the others wait
 _FINE = 0.35  # share of rho that a mesh is cut to before it is thinned
@@ -105,8 +106,7 @@ def _mesh_points(mesh: shapes.Mesh, rho: float) -> np.ndarray:
     fine = _FINE * rho
     centers = cover_densely(mesh.vertices, mesh.faces, fine)
     kept, _ = thinned(centers, rho - fine)
-    T = mesh.T_base_shape
-    return centers[kept] @ T[:3, :3].T + T[:3, 3]
+    return moved_points(centers[kept], mesh.T_base_shape)
 
 
 def joined(groups: list[Solids]) -> Solids:

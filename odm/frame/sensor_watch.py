@@ -84,11 +84,8 @@ class SensorWatch:
     ) -> str | None:
         """Return why this frame's obstacle data cannot be used at all, or None.
 
-        Args:
-            counts: Of the cloud where its points were just marked.
-            shown: Tells more about them.
-            stamp: As in `ReactivePlanner.step` [s].
-            now: The same.
+        `counts` are of the cloud in which its points were just marked, `shown` tells
+        more about them; both times as in `ReactivePlanner.step` [s].
         """
         bad = counts.item(N_BAD)
         if bad:

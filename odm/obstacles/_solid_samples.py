@@ -61,12 +61,8 @@ KEPT = ("base_world", "near", "wrong", "rho", "ball_least")
 def take_solids(data, counts, T, solids, patterns):
     """Write the shapes of `data` to `solids`, in the base frame; or say what is wrong.
 
-    Args:
-        data: The rows of all shapes, kind after kind.
-        counts: (5,) how many there are of each kind.
-        T: (4, 4) pose of the frame in which they are given, in the base frame.
-        solids: They are written there; none where one is wrong.
-        patterns: Says of which kind and number the wrong one is.
+    `counts` (5,) is how many rows there are of each kind, kind after kind, in the frame
+    of T (4, 4). Where one is wrong none is written, and `patterns` says which.
     """
     solids.count[0] = 0
     at, n = 0, 0

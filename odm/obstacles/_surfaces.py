@@ -104,15 +104,9 @@ def next_ring(flat, top, chord):
 def walk_cap(flat, k_rim, chord, out, start):
     """Count the points of a unit cap within its rim ring; write them if there is room.
 
-    Args:
-        flat: True for a disc, False for a hemisphere.
-        k_rim: Points of the rim ring, which the tube provides.
-        chord: Covering radius divided by the radius.
-        out: (n, 3) radial x, radial y, height on the unit cap; n = 0 only counts.
-        start: First row to write.
-
-    Returns:
-        Number of points.
+    A disc where it is flat, else a hemisphere; the tube provides the `k_rim` points of
+    the rim ring. `chord` is the covering radius over the radius. They go to rows of
+    `out` from `start` on: radial x, radial y, height; no rows: they are only counted.
     """
     top = 0.0
     if k_rim >= 3:  # a rim of one or two points holds only if it covers the whole cap
@@ -212,12 +206,9 @@ def write_rod(flat, radius, length, plan, rho, points, start):
 
 @njit(**FULL)
 def sample_rods(flat, rods, spacing):
-    """Return points on capsules (flat=False) or cylinders (flat=True), (n, 3).
+    """Return points (n, 3) on capsules, or on `flat`-ended cylinders, (k, 7).
 
-    Args:
-        flat: True where the ends are discs, False where they are hemispheres.
-        rods: (k, 7) ends a and b and radius [m].
-        spacing: Bound on the covering radius [m].
+    Their covering radius is at most `spacing` [m].
     """
     rho = spacing * SHRINK
     plans = np.empty((rods.shape[0], 3), np.int64)

@@ -16,14 +16,13 @@ import numpy as np
 from odm.obstacles import shapes as solid
 from odm.obstacles.surfaces import SHRINK, Surface, check_spacing, face_points
 from roadmap.errors import BadInput
+from roadmap.transforms import moved_points
 
 
 def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
-    """Sample a box so that every face, edge and corner is covered within itself.
+    """Sample a box so that points on each face, edge and corner cover it by themselves.
 
-    Args:
-        box: The box.
-        spacing: Bound on the covering radius [m].
+    No place is farther than `spacing` [m] from one.
     """
     if not isinstance(box, solid.Box):
         raise BadInput(f"{box!r} is no Box; sample other shapes with surface_of")
@@ -44,8 +43,7 @@ def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
                 edge[:, axis], edge[:, u] = side * size[axis], other * size[u]
                 edge[:, v] = lines[v]
                 parts.append(edge)
-    T = box.T_base_shape
-    points = np.concatenate(parts) @ T[:3, :3].T + T[:3, 3]
+    points = moved_points(np.concatenate(parts), box.T_base_shape)
     return Surface(points, spacing, "box", closed=True)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from odm._groups import new
 from odm.obstacles._cloud import CHUNK, Cloud
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.robot.robot import Robot
@@ -33,8 +33,7 @@ class WorkspaceGrid:
     blocks: np.ndarray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "origin", frozen(self.origin, np.float64))
-        object.__setattr__(self, "blocks", frozen(self.blocks, np.int64))
+        freeze(self, origin=float, blocks=np.int64)
         if np.prod(self.blocks, dtype=float) > LARGEST_GRID:
             sides = " x ".join(f"{n:,}" for n in self.blocks)
             raise BadInput(

@@ -386,12 +386,7 @@ def room_for(
 ) -> tuple[Solids, Patterns] | None:
     """Return larger groups where these are too small for the obstacles, or None.
 
-    Args:
-        obstacles: Their shapes and meshes count.
-        solids: The group there is.
-        patterns: The other one.
-        more: Rows of patterns that are needed.
-        sampled: Whether samples of meshes are needed, too.
+    `more` rows of patterns are needed; `sampled`: samples of meshes, too.
     """
     faces = sum(len(hull.faces) for hull in obstacles.meshes)
     spacing, samples = float(patterns.rho[0]), 0

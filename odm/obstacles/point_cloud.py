@@ -16,6 +16,7 @@ from odm.obstacles.unit import (
 )
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
+from roadmap.transforms import moved_points
 
 _ROUNDING = 1.0 - 1e-9  # what rounding may take from a side of a cell
 
@@ -120,7 +121,7 @@ class PointCloud:
         points = points if not self.nan else points[seen]
         if T_world_camera is not None:
             T = check_pose(T_world_camera)
-            points = points @ T[:3, :3].T + T[:3, 3]
+            points = moved_points(points, T)
         self.cropped = 0
         if crop is not None:
             points = self._crop(points, _crop_of(crop), max_range_m)
@@ -188,7 +189,7 @@ class _Crop(NamedTuple):
         """Return points (n, 3) of the world in the frame of the corners."""
         if self.T is None:
             return points
-        return points @ self.T[:3, :3].T + self.T[:3, 3]
+        return moved_points(points, self.T)
 
     def away(self, points: np.ndarray) -> np.ndarray:
         """Return how far placed points (n, 3) are away along an axis, (n,) [m]."""

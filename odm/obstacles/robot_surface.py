@@ -153,12 +153,7 @@ def solids_of(robot: Robot, links: Sequence[int] | None = None) -> list[solid.Sh
 
 
 def standing_shapes(robot: Robot, T_world_base: np.ndarray) -> list[solid.Shape]:
-    """Return the solids of the links that never move, where they stand.
-
-    Args:
-        robot: The robot.
-        T_world_base: (4, 4) its base in the frame wanted.
-    """
+    """Return the solids of the links that never move, where the base stands."""
     still = np.flatnonzero(robot.link_body == 0)
     base = body_frames(robot, np.zeros(robot.dof))[0]
     return [s.moved(T_world_base @ base) for s in solids_of(robot, still.tolist())]

@@ -1,7 +1,6 @@
 """Scenes of other programs: MoveIt's `.scene` files, and URDFs as scenery."""
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,7 +10,8 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, ch
 from roadmap.errors import BadInput, BadRobot
 from roadmap.robot.description import Description, Joint, read_description
 from roadmap.robot.meshes import find_mesh
-from roadmap.transforms import joint_motion
+from roadmap.transforms import joint_motion, pose_with, rotation_to_z
+from roadmap.unfinished import beside
 
 KINDS = (".scene", ".urdf", ".xml")
 PLATE = (6.0, 6.0, 1.0)  # [m] that stands for a plane, beneath it
@@ -82,10 +82,11 @@ def write_scene(path: str | Path, objects: Sequence[Object]) -> Path:
         for lines, pose in parts:
             words += [*lines, *_pose_lines(pose), "0 0 0 0"]
         words.append("0")
-    text, fresh = "\n".join([*words, "."]) + "\n", path.with_name(f".{path.name}.new")
+    text = "\n".join([*words, "."]) + "\n"
     try:
-        fresh.write_text(text, encoding="utf-8")
-        os.replace(fresh, path)
+        with beside(path) as made:
+            made.write_text(text, encoding="utf-8")
+            made.replace(path)
     except OSError as error:
         raise BadInput(
             f"the scene {path} cannot be written ({error.strerror or error}); choose "
@@ -238,9 +239,7 @@ def _moveit_pose(words: _Words) -> np.ndarray:
     turn = np.array(words.numbers(4, "a quaternion"))
     if not 0.9 < np.linalg.norm(turn) < 1.1:
         raise words.wrong(f"has the quaternion {turn.tolist()}, which is no rotation")
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = Rotation.from_quat(turn).as_matrix(), position
-    return check_pose(T)
+    return check_pose(pose_with(Rotation.from_quat(turn).as_matrix(), position))
 
 
 def _moveit_shape(words: _Words):  # noqa: ANN202 (a shape, or what makes a plane's)
@@ -301,12 +300,7 @@ def _plate(numbers: list[float], words: _Words):  # noqa: ANN202
         n = T_world_plane[:3, :3] @ normal / length
         offset = -d / length + float(n @ T_world_plane[:3, 3])  # n . x = offset
         up = n if offset <= 0.0 else -n  # where the origin is
-        T = np.eye(4)
-        side = np.eye(3)[int(np.argmin(np.abs(up)))]
-        x = np.cross(side, up)
-        x /= np.linalg.norm(x)
-        T[:3, :3] = np.column_stack([x, np.cross(up, x), up])
-        T[:3, 3] = offset * n - 0.5 * PLATE[2] * up
+        T = pose_with(rotation_to_z(up), offset * n - 0.5 * PLATE[2] * up)
         return Box(np.array(PLATE), np.linalg.inv(T_world_object) @ T)
 
     return make

@@ -11,10 +11,10 @@ from odm.obstacles.obstacles import hull_of, is_small_hull
 from odm.obstacles.scene_files import read_scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import surface_of
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import check_rpy, is_between
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of, pose_with
 
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
 _BOX, _ROD, _CYLINDER, _HULL = 1.0, 2.0, 3.0, 4.0
@@ -52,14 +52,8 @@ class Scenery:
     faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 13)))
 
     def __post_init__(self) -> None:
-        """Freeze the arrays; refuse numbers that block nothing.
-
-        Raises:
-            BadRecipe: A number that is not finite, or arrays of the wrong shape.
-        """
-        object.__setattr__(self, "solids", frozen(self.solids, np.float64))
-        object.__setattr__(self, "points", frozen(self.points, np.float64))
-        object.__setattr__(self, "faces", frozen(self.faces, np.float64))
+        """Freeze the arrays; refuse numbers that are not finite: they block nothing."""
+        freeze(self, solids=float, points=float, faces=float)
         if self.solids.shape[1:] != (16,) or self.points.shape[1:] != (3,):
             raise BadRecipe(
                 f"scenery has solids {self.solids.shape} and points "
@@ -92,8 +86,7 @@ class Scenery:
         for name, row in zip(self.names, self.solids, strict=True):
             kind, middle = row[0], row[1:4]
             if kind == _BOX:
-                T = np.eye(4)
-                T[:3, :3], T[:3, 3] = row[4:13].reshape(3, 3), middle
+                T = pose_with(row[4:13].reshape(3, 3), middle)
                 found.append((name, Box(2.0 * row[13:16], T)))
             elif kind == _ROD:
                 found.append((name, Capsule.between(middle, middle + row[4:7], row[7])))
@@ -156,12 +149,8 @@ def shapes_of_tables(
 ) -> list[tuple[str, Shape]]:
     """Return (name, shape) of what [[scenery]] tables hold, but for half-spaces.
 
-    Args:
-        tables: As in a recipe; a plane or a `covering_radius` is refused.
-        folder: Where relative paths of files start; None: the current folder.
-
-    Raises:
-        BadRecipe: An unknown type or key, or a value that makes no solid.
+    Relative paths start at `folder`; None: the current one. A plane, a
+    `covering_radius` and unknown types, keys and values are refused.
     """
     found = []
     for k, table in enumerate(tables):
@@ -215,7 +204,7 @@ class _Made:
             row[7], row[8] = shape.radius, 0.5 * shape.length
         elif is_small_hull(shape):
             first = sum(map(len, self.faces))
-            vertices = shape.vertices @ T[:3, :3].T + T[:3, 3]
+            vertices = moved_points(shape.vertices, T)
             hull = hull_of(Mesh(vertices, shape.faces))
             self.faces.append(hull.faces)
             row[0], row[1:5] = _HULL, hull.ball

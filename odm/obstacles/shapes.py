@@ -11,6 +11,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
+from roadmap.transforms import pose_with, rotation_to_z
 
 LARGEST = 1000.0  # [m] size of a shape
 
@@ -86,10 +87,9 @@ class _Rod(_Posed):
         """Return the rod whose axis runs from `a` to `b`, (3,) each [m]."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         length = float(np.linalg.norm(b - a))
-        T = np.eye(4)
-        T[:3, :3] = _turn_z_to(b - a)
-        T[:3, 3] = 0.5 * (a + b)
-        return cls(radius, length, T)
+        flat = not 1e-12 <= length < np.inf  # what is not finite is refused elsewhere
+        R = np.eye(3) if flat else rotation_to_z((b - a) / length)
+        return cls(radius, length, pose_with(R, 0.5 * (a + b)))
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the two ends of the axis, (3,) each, in the base frame [m]."""
@@ -248,15 +248,3 @@ def shape_of(kind: int, size: np.ndarray, points: np.ndarray, T: np.ndarray) -> 
     if kind == SPHERE:
         return Sphere(size[0], T)
     return Mesh.hull_of(points, T)
-
-
-def _turn_z_to(axis: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(axis)
-    if not 1e-12 <= length < np.inf:  # what is not finite is refused elsewhere
-        return np.eye(3)
-    z = axis / length
-    side = np.zeros(3)
-    side[np.argmin(np.abs(z))] = 1.0
-    x = np.cross(side, z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -15,6 +15,7 @@ from odm.obstacles._surfaces import SHRINK, sample_rods
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
+from roadmap.transforms import moved_points
 
 MOST_POINTS = 20_000_000  # of one shape
 
@@ -61,7 +62,7 @@ class Surface:
     def moved(self, T: np.ndarray) -> "Surface":
         """Return the surface moved by a rigid `T` (4, 4); the radius stays."""
         T = solid.check_pose(T)
-        return replace(self, points=self.points @ T[:3, :3].T + T[:3, 3])
+        return replace(self, points=moved_points(self.points, T))
 
 
 def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Surface:
@@ -95,7 +96,7 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
         points = sample_boxes(T[None], shape.size[None], spacing)
     else:
         points, radius = sample_mesh(shape.vertices, shape.faces, spacing)
-        points = points @ T[:3, :3].T + T[:3, 3]
+        points = moved_points(points, T)
     return Surface(points, radius, label or type(shape).__name__.lower(), closed=True)
 
 
@@ -192,7 +193,7 @@ def sample_boxes(
     for T, edges in zip(T_base_box, size, strict=True):
         box = solid.Box(edges, T)
         local = _box_points(box.size, spacing * SHRINK)
-        parts.append(local @ box.T_base_shape[:3, :3].T + box.T_base_shape[:3, 3])
+        parts.append(moved_points(local, box.T_base_shape))
     return np.concatenate(parts)
 
 

@@ -37,12 +37,8 @@ def too_far_off(
 ) -> str | None:
     """Return why points are no places in metres of a robot's cell, or None.
 
-    Args:
-        n: How many points there are.
-        n_beyond: How many of them are farther off than `limit`.
-        limit: No more than half of them may be so far off [m].
-        middle: Returns their median distance [m]; asked where most are.
-        whence: What distances are measured from.
+    No more than half of the n points may be farther off than `limit` [m]; n_beyond are,
+    from `whence`. `middle` returns their median distance [m], where it is asked.
     """
     if 2 * n_beyond <= n:
         return None

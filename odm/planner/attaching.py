@@ -311,8 +311,8 @@ class Attacher:
     def after_path(self, budget: int) -> int:
         """Return how much of a budget of tests is left for motions beside the path.
 
-        A path that begins at a new start has the first `path_first` tests alone, for
-        each motion that gets its cells takes as long as several tests of it.
+        The path from a new start gets the first `path_first` tests alone: each motion
+        that gets its cells takes as long as several tests of it.
         """
         alone = min(budget, self._path_first)
         self._path_first -= alone
@@ -327,12 +327,10 @@ class Attacher:
         return swept + (self.attach_more(most - swept) if most > swept else 0)
 
     def attach_more(self, most: int) -> int:
-        """Join the start and the goals, best first, by more motions, `most` in all.
+        """Join start and goals by more motions, `most` in all; return the nodes tried.
 
-        A goal that is set, and a start that is new, have only a few at once.
-
-        Returns:
-            How many nodes were tried.
+        A goal that is set, and a start that is new, have only a few at once; the best
+        goals come first.
         """
         self.tidy()
         m, left = self.frame.memory, most
@@ -351,13 +349,10 @@ class Attacher:
     def attach_free(self, most: int) -> int:
         """Join start and goals by up to `most` motions that the frame leaves free.
 
-        Of the nodes that wait those count that may lead on, by what this frame's
-        search knows; a few of them are looked at by the close test, which costs a
-        hundredth of what joining does. The others wait behind those. The goals have
-        their turn one after the other.
-
-        Returns:
-            How many nodes were tried.
+        Nodes that wait count if they may lead on, by what this frame's search knows; a
+        few of them are looked at by the close test, which costs a hundredth of what
+        joining does. The goals have their turn one after the other. Returns how many
+        nodes were tried.
         """
         self.tidy()
         m, left = self.frame.memory, most
@@ -384,10 +379,9 @@ class Attacher:
         return most - left
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
-        """Let the waiting nodes of a vertex begin with those that it can go to now.
+        """Let the waiting nodes of a vertex begin with those reachable in this frame.
 
-        Returns:
-            How many these are, and how many were looked at, `looks` at most.
+        Returns how many these are, and how many of at most `looks` were looked at.
         """
         waiting = self._later.get(vertex, _NONE)
         if not len(waiting):
@@ -597,8 +591,7 @@ class Attacher:
         """Sweep the straight motions from the attached start to the goals.
 
         Where the start has no cells yet, only motions that this frame leaves free.
-
-        known: (g,) references that were swept from this very start before, below
+        `known` (g,) are references that were swept from this very start before, below
         NO_MOTION where there is none; None: there are none.
         """
         m, frame = self.frame.memory, self.frame
@@ -633,10 +626,9 @@ class Attacher:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 
     def _attach_some_direct(self, new: np.ndarray) -> None:
-        """Join the start to goals straight, of a robot that uses this once: now.
+        """Join the start to goals straight, for a robot that uses it now only.
 
-        So those alone that the frame leaves free, and where the order of the goals
-        ranks them none behind the first that is reached so.
+        So only motions that are free in this frame, to goals that no free one outranks.
         """
         m, frame, q = self.frame.memory, self.frame, self.q_attached
         ranks = not m.numbers.joint_costs[0]

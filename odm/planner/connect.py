@@ -76,12 +76,10 @@ class Connector:
         self._frames_to_persist = 0  # in a row that a path must be there to be taken
 
     def remembered(self, q: np.ndarray, patience: int, waits: bool) -> FoundPath | None:
-        """Begin a frame that the roadmap has no path for: return one found before.
+        """Begin a frame without a path on the roadmap: return one found before.
 
-        Args:
-            q: (dof,) where the robot is, inside its limits.
-            patience: See `PlannerSettings`.
-            waits: Paths that is free only now are not taken now.
+        q (dof,) is where the robot is, inside its limits. With `waits` a path that is
+        free only now has to be found in `patience` more frames before it is taken.
         """
         place = q.tobytes() + self.attacher.goals.tobytes()
         self.is_new, self._place = place != self._place, place
@@ -94,11 +92,9 @@ class Connector:
         return self._free_path(q, joins)
 
     def search(self, q: np.ndarray, moves: bool) -> FoundPath | None:
-        """Grow the trees for a frame that no remembered path is free in.
+        """Grow the trees for a frame without a path from q (dof,), inside its limits.
 
-        Args:
-            q: (dof,) where the robot is, inside its limits.
-            moves: The robot was a little elsewhere in the frame before.
+        `moves`: the robot was a little elsewhere in the frame before.
         """
         left, s = self._left(), self.settings
         if not self._is_asked() or (left <= 0 and self.frame.number % s.rest > 0):

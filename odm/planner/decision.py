@@ -101,10 +101,10 @@ class Decision:
         return 0 if self._always else self._patience
 
     def frames_to_wait(self, beyond: int) -> int:
-        """Return for how many frames more a path that is free now has to be so.
+        """Return in how many more frames a path that is free only now must be found.
 
-        0: no path is free, or none has to wait. `beyond`: what the search beyond the
-        roadmap counts.
+        0: none is free, or none has to wait. `beyond` is the count of the search beyond
+        the roadmap.
         """
         left = self._numbers.frames_to_persist.item(), beyond
         # as many as at first: this very frame had no path
@@ -173,14 +173,10 @@ class Decision:
         return done
 
     def join_more(self, most: int) -> bool:
-        """Join start and goals of a frame without a path to more nodes.
+        """Join start and goals of a frame without a path to `most` more nodes at most.
 
-        Args:
-            most: Nodes that are joined at most; each takes up to a millisecond.
-
-        Returns:
-            Whether any was; not where q was joined in this frame, the frame leaves no
-            waiting node free, or neither end can be left.
+        Each takes up to a millisecond. False where none was: q was joined in this
+        frame, the frame leaves no waiting node free, or neither end can be left.
         """
         attacher = self.attacher
         if self.joined or attacher.lacks_start or not attacher.lacks_nodes:

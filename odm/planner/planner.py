@@ -509,12 +509,12 @@ class ReactivePlanner:
         stamp: float | None = None,
         now: float | None = None,
     ) -> str | None:
-        """Take a frame without an answer, where the caller goes by a motion of its own.
+        """Take a frame without an answer, for a caller that follows its own motion.
 
-        Everything that is asked afterwards (`blocked_leg`, `separation`, `approach`,
-        `evasion` ...) is answered for this frame, as after `step`; nothing is searched
-        and q is joined to nothing, which costs milliseconds at a new place. The path in
-        use counts as not followed, and `improve` has nothing to do.
+        All that is asked afterwards (`blocked_leg`, `separation`, `approach`, `evasion`
+        ...) is answered for this frame, as after `step`. Nothing is searched and q is
+        not joined to the roadmap, which would take milliseconds at a new place. The
+        path in use counts as not followed, and `improve` has nothing to do.
 
         Args:
             points: As in `step`.
@@ -748,12 +748,11 @@ class ReactivePlanner:
         """Take an object into the hand: from now on all motions are tested with it.
 
         Edges are judged by the cells of the map's payload envelope, all other motions
-        by the spheres of the object itself. Without a payload layer no edge is used:
-        only straight motions and the search beyond the roadmap, whose close test has
-        the object's spheres. That is slower, and proved all the same; `held_by` and
-        `answer.held` say which it is. The object may touch the links that the
-        tool's body carries, no others, and no scenery. The path in use is dropped; the
-        goals stay and are joined anew in the next frame.
+        by the spheres of the object. Without a payload layer no edge is used: only
+        straight motions and the search beyond the roadmap, which is slower and just as
+        proved; `held_by` and `answer.held` say which it is. The object may touch the
+        links of the tool's body, no others, and no scenery. The path in use is dropped;
+        the goals are joined anew in the next frame.
 
         Args:
             thing: (n, 4) spheres, centre and radius [m]; a shape of `odm`; or what

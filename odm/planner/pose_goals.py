@@ -92,12 +92,7 @@ class PoseGoals:
     def solve(
         self, poses: Sequence[np.ndarray], tolerance: object, most: int | None
     ) -> GoalReport:
-        """Return valid configurations for poses; see `ReactivePlanner.set_goals`.
-
-        Raises:
-            BadInput: A pose is no rigid motion, a tolerance or `most` out of range.
-            BadConfiguration: No pose has a valid solution; names the first reason.
-        """
+        """Return valid configurations for poses; see `ReactivePlanner.set_goals`."""
         tolerance, most = _checked_tolerance(tolerance), _checked_most(most)
         rows = _checked_poses(poses)
         world, refused = self._frame.world, []

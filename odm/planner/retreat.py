@@ -73,14 +73,14 @@ class Retreat:
         coming: Sequence[tuple[float, np.ndarray | Obstacles]],
         speed_scale: float,
     ) -> np.ndarray | None:
-        """Return a (2, dof) motion from q away from obstacles that are coming, or None.
+        """Return a (2, dof) motion from q away from obstacles that come, or None.
 
         It is free of what is in the frame, or an escape from that, as in `back_off`. Of
-        the motions to near nodes it is the one that keeps most distance: at each of the
-        given times the robot, as far as it has come, is compared with the obstacles of
-        that time. The first motion that keeps plenty is taken. It must keep clearly
-        more than a robot that stays. None, too, where it is not known what is there or
-        will be: the last frame could not be used, or one of `coming` is not finite.
+        the motions to near nodes it keeps most distance: at each of the given times the
+        robot, as far as it has come, is compared with the obstacles of that time. The
+        first motion that keeps plenty is taken; it must gain clearly over standing
+        still. None, too, where the last frame could not be used or one of `coming` is
+        not finite.
 
         Args:
             q: (dof,) where the robot stands.

@@ -87,11 +87,9 @@ class Remembers(Protocol):
 def pack(
     parts: dict[str, Remembers], setting: dict[str, bytes]
 ) -> dict[str, np.ndarray]:
-    """Return what all parts remember as arrays "part.name", and what it rests on.
+    """Return what all parts, by name, remember, as arrays "part.name".
 
-    Args:
-        parts: The owners by name.
-        setting: What the memory is good for, by what it is called in a message.
+    `setting` is what the memory is good for, by what it is called in a message.
     """
     saved = {
         f"{part}.{name}": array
@@ -110,8 +108,7 @@ def unpack(
 ) -> None:
     """Let all parts remember what `pack` returned.
 
-    Raises:
-        BadInput: It belongs to another setting, or is damaged; nothing is changed then.
+    BadInput for another setting, or damage; then nothing is changed.
     """
     remedy = "give what save_memory returned, or what numpy.load made of it"
     check_kind("saved", saved, Mapping, remedy)

@@ -113,19 +113,19 @@ class AttachSettings:
 
     Attributes:
         looked_at: Near nodes that may be tested for each connection wanted.
-        goal_at_once: Motions that a goal has at once; the others follow by `improve`.
-        pose_at_once: The same of a goal by pose: inverse kinematics take time, too.
-        start_at_once: The same of a start.
+        goal_at_once: Motions that a goal gets at once; `improve` adds the others.
+        pose_at_once: The same for a goal by pose, whose inverse kinematics take time.
+        start_at_once: The same for a start.
         start_rounds: Rounds of `start_at_once` nodes that a new start tries at most.
         nearer: Factor on the length of the motion to a node, where nodes are ranked by
-            the path that leads on through them.
-        moving_nodes: Near nodes that a moving robot may be connected with,
-        moving_connections: ... and connections that it gets at most.
-        looks: Waiting nodes that a frame without a path looks at, of start and goals.
-        path_first: Tests of `improve` that a new start's path has before its motions.
+            the length of the whole path through them.
+        moving_nodes: Near nodes that a moving robot may be joined to,
+        moving_connections: ... and how many of them it is joined to at most.
+        looks: Waiting nodes that a frame without a path tests, of start and goals.
+        path_first: Tests of `improve` spent on a new start's path before its motions.
         stays: Frames at one place without a path, after which a start is joined anew,
         lingers: ... or, between frames, with a path that could be followed.
-        passes: A robot that moved farther in a frame has jumped [rad or m].
+        passes: A robot that moved farther than this in a frame has jumped [rad or m].
     """
 
     looked_at: int = 4
@@ -154,11 +154,13 @@ class ConnectSettings:
     """How the search beyond the roadmap shares out its work (`connect.Connector`).
 
     Attributes:
-        shorten: Configurations looked at to shorten a path that was found.
-        part: A frame has this part of `PlannerSettings.search`, until all is spent;
-        again: ... then, and where the robot moves, this part;
-        rest: ... but once all is spent in one place, only every so many-th searches.
-        joins_in: One frame in so many joins a standing robot to a found path's corners;
+        shorten: Configurations spent on shortening a path that was found.
+        part: A frame spends this part of `PlannerSettings.search` until all is spent,
+        again: ... then, and where the robot moves, this part,
+        rest: ... and once all is spent in one place, only every `rest`-th frame
+            searches.
+        joins_in: Every so many frames a standing robot is joined to a found path's
+            corners,
         joins: ... to so many of them.
         per_test: Configurations for each motion that `improve` may test.
     """
@@ -207,13 +209,13 @@ class SmoothingSettings:
     """Which changes of a path are weighed, and made (`smooth.Smoother`).
 
     Attributes:
-        worth: A change must save this share of the time of the whole rest;
-        much: ... and one that does not keep the smoothing clearance this share.
-        pace: Share of the joints' speed limits that is likely used.
-        lead_s: What the robot reaches in this time at full speed stays [s].
-        draws: Changes weighed for each one that is tested: they cost far less.
+        worth: Share of the rest's time that a change must save.
+        much: The same for a change that does not keep the smoothing clearance.
+        pace: Share of the joints' speed limits that the robot is expected to use.
+        lead_s: The part of the path that is reached within this time stays [s].
+        draws: Changes weighed for each one that is tested, which costs far more.
         detour: A rest shorter than this times the straight way to the goal stays.
-        wait: Frames from a look that found that straight way blocked to the next.
+        wait: Frames until a straight way that was blocked is tested again.
         corners: Corners of the roadmap at which it is measured what rounding gains.
     """
 
@@ -240,13 +242,13 @@ class RetreatSettings:
     """When backing off and evasion are worth their motion (`retreat.Retreat`).
 
     Attributes:
-        near: Farther points are no reason to back off [m].
-        gain: A motion that backs off must gain this much separation [m].
-        tried: Directions for it: to so many of the nearest nodes,
-        shares: ... by these shares of the motion there, the largest first.
-        ample: With so much more distance than is asked it has evaded [m].
-        worth: An evasion must gain this against standing there [m].
-        directions: Directions for that.
+        near: Points farther than this are no reason to back off [m].
+        gain: Separation that backing off must gain [m].
+        tried: Directions that are tried: towards this many of the nearest nodes.
+        shares: Shares of the motion to such a node, the largest first.
+        ample: An evasion that keeps this much more than needed is taken at once [m].
+        worth: Separation that an evasion must gain over standing still [m].
+        directions: Directions that an evasion looks at.
         sets_off_s: Time that the robot takes to begin to move [s].
     """
 

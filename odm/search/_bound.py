@@ -398,12 +398,8 @@ def nothing_opened(state, starts, g, h):
 def what_holds(state, starts, start_vertex, g, h):
     """Return what the last search showed and holds in this frame, for goal g.
 
-    Args:
-        state: The table.
-        starts: Motions from the start, judged by this frame.
-        start_vertex: Of the start.
-        g: Rank of the goal, whose motions are judged.
-        h: (n,) cost to go to it.
+    Its motions and those in `starts`, from the start, were judged by this frame; `h`
+    (n,) is the cost to go to it.
     """
     proof, goals = view(state, "proof"), view(state, "goals")
     numbers = view(state, "numbers")

@@ -259,13 +259,8 @@ def rest_clear(state, cloud, k, q, dq):
 def chords_clear(state, cloud, k, which, q, dq):
     """Run the close test of some chords of motion k, which are a part of q + dq.
 
-    Args:
-        state: The table.
-        cloud: The points.
-        k: The motion's row.
-        which: First chord, the one after the last, and the share that q is at.
-        q: (dof,) begin of the rest of the motion [rad or m].
-        dq: (dof,) its displacement.
+    `which` has the first chord, the one after the last, and the share that q (dof,) is
+    at.
     """
     slacks, work = view(state, "slacks"), view(state, "work")
     (first, last, share), n = which, slacks.chords[k]

@@ -106,9 +106,6 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     """Let a planner's table point at other groups, by name; the others stay.
 
     For a payload and for larger clouds; it costs a walk over all arrays.
-
-    Raises:
-        BadInput: An array is not as it is declared.
     """
     named = {n: groups[n] if n in groups else getattr(memory, n) for n in KINDS}
     block = named["pool"].block.dtype

@@ -1,4 +1,4 @@
-"""Distances of capsules, and of balls and capsules."""
+"""Distances of capsules, and of balls and capsules; balls in their place."""
 
 import math
 
@@ -43,3 +43,11 @@ def moved_rods(capsules: np.ndarray, T: np.ndarray) -> np.ndarray:
     rows[:, :3] = rows[:, :3] @ R + origin
     rows[:, 3:6] = rows[:, 3:6] @ R + origin
     return rows
+
+
+def beads(rods: np.ndarray, n: int) -> np.ndarray:
+    """Return n balls along each of some capsules (k, 7), as (n * k, 4) [m]."""
+    s = np.linspace(0.0, 1.0, n)[:, None, None]
+    middles = rods[:, :3] + s * (rods[:, 3:6] - rods[:, :3])
+    radii = np.tile(rods[:, 6], n)[:, None]
+    return np.hstack([middles.reshape(-1, 3), radii])

@@ -21,17 +21,13 @@ import numpy as np
 from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import cover_solids
 from roadmap.kernel_cache import Sources
-from roadmap.unfinished import beside
+from roadmap.unfinished import put_file
 
 _HASH_BYTES = 32
 
 
 def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
-    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m].
-
-    Raises:
-        BadRobot: See there.
-    """
+    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m]."""
     folder = cache_folder()
     if folder is None or not solids:
         return cover_solids(solids, excess)
@@ -88,11 +84,8 @@ def _read(file: Path, name: str) -> np.ndarray | None:
 
 
 def _write(file: Path, name: str, spheres: np.ndarray) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
     rows = np.ascontiguousarray(spheres, "<f8").tobytes()
-    with beside(file) as made:
-        made.write_bytes(_check(name, rows) + rows)
-        os.replace(made, file)
+    put_file(file, _check(name, rows) + rows)
 
 
 def _check(name: str, rows: bytes) -> bytes:

@@ -31,12 +31,7 @@ ALWAYS = "always in contact"
 
 @dataclass(frozen=True, eq=False)
 class SelfCollision:
-    """What the kernels need to test a robot against itself.
-
-    Attributes:
-        links: (n, 2) the two links of each pair of shells.
-        model: The pairs for the kernels.
-    """
+    """Pairs of shells for the kernels, and the two links (n, 2) of each."""
 
     links: np.ndarray
     model: kernels.SelfModel

@@ -8,6 +8,7 @@ import numpy as np
 from roadmap.robot.description import Link, Shape
 from roadmap.robot.meshes import find_mesh, read_vertices
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
+from roadmap.transforms import moved_points
 
 # A mesh thinner than this is no solid: its points become cubes of this edge [m].
 MIN_THICKNESS = 1e-4
@@ -27,7 +28,7 @@ class Solid:
 
     def body_points(self) -> np.ndarray:
         """Return the hull's vertices in the body frame, (n, 3) [m]."""
-        return self.points @ self.T_body_solid[:3, :3].T + self.T_body_solid[:3, 3]
+        return moved_points(self.points, self.T_body_solid)
 
 
 def solid_of(
@@ -35,12 +36,8 @@ def solid_of(
 ) -> tuple[Solid, str]:
     """Return the solid of one shape, and a note where it had to be thickened.
 
-    Args:
-        shape: The shape.
-        owner: Its link.
-        index: Index of the link among those with geometry.
-        T_body_link: Pose of the link in its body, (4, 4) [m].
-        lookup: Path of the URDF and the package folders.
+    `owner` is its link, the `index`-th of those with geometry; `T_body_link` (4, 4)
+    places it in the body [m]. Meshes are looked up by the path of the URDF.
     """
     pose = T_body_link @ shape.T_link_shape
     if shape.kind == "box":

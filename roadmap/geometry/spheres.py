@@ -210,11 +210,7 @@ def _holes(spheres, solid: Solid, excess: float) -> np.ndarray:
 
 
 def _proved(spheres: np.ndarray, solids: list[Solid]) -> tuple[np.ndarray, np.ndarray]:
-    """Grow the spheres until their union contains the solids; see the module.
-
-    Returns:
-        The grown spheres, and for each solid that needed growth its worst point.
-    """
+    """Return spheres grown until they hold the solids, and worst points."""
     stack, where, worst = np.empty((50_000, 6)), np.empty(3), [np.empty((0, 3))]
     squares, bound = spheres[:, 3] ** 2, 0.0
     for solid in solids:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.chunks import Threads, Workers
+from roadmap.chunks import Progress, Threads, Workers
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.geometry.self_collision import contact_shares
 from roadmap.graph.near import NearSpec, near_nodes
@@ -19,7 +19,6 @@ from roadmap.robot.robot import Robot
 MotionsFree = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Parts = Iterable[tuple[np.ndarray, np.ndarray]]
 Stream = Callable[[str, Parts], Iterator[np.ndarray]]
-Progress = Callable[[str, int, int], None]
 _TESTED = 2048  # motions tested as one chunk; the bytes do not depend on it
 _MAX_REJECTED = 400  # drawn per node kept before the build gives up
 
@@ -47,11 +46,7 @@ class RoadmapSettings:
     region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
-        """Check every value but the sampler's name, which `draw` knows.
-
-        Raises:
-            BadInput: One out of range.
-        """
+        """Check every value but the sampler's name, which `draw` knows."""
         whole = {"nodes": (2, 10_000_000), "neighbors": (1, 500), "seed": (0, 2**63)}
         for name, (low, high) in whole.items():
             value = getattr(self, name)

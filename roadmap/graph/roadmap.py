@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 
 if TYPE_CHECKING:
     import networkx
@@ -37,10 +37,8 @@ class Roadmap:
 
     def __post_init__(self) -> None:
         """Freeze the arrays and lay out the neighbours."""
-        dtypes = {"nodes": float, "edges": np.int32, "lengths": float}
-        for name in ("nodes", "edges", "lengths", "weights", "landmarks"):
-            dtype = dtypes.get(name, float)
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, nodes=float, lengths=float, weights=float, landmarks=float)
+        freeze(self, edges=np.int32)
         both = np.concatenate([self.edges[:, 0], self.edges[:, 1]])
         other = np.concatenate([self.edges[:, 1], self.edges[:, 0]])
         ids = np.tile(np.arange(len(self.edges), dtype=np.int32), 2)

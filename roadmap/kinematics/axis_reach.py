@@ -30,17 +30,9 @@ def point_reach(
 ) -> np.ndarray:
     """Bound the distance of each point from the axis of every joint that moves it.
 
-    Args:
-        tree_i: (n_bodies, 3) bodies, as in `Robot`.
-        tree_f: (n_bodies, 17) bodies, as in `Robot`.
-        span: (n_bodies, 2) smallest and largest joint value of each body, from
-            `joint_span`.
-        body: (n,) body of each point.
-        points: (n, 3) points in their body's frame [m].
-
-    Returns:
-        (n, n_bodies) [m]; 1 for a prismatic joint, 0 where the joint does not move
-        the point.
+    Of points (n, 3) in the frames of their `body` (n,) [m], on a tree as in `Robot`
+    with the joint values `span` (n_bodies, 2), from `joint_span`. Returns (n, n_bodies)
+    [m]; 1 for a prismatic joint, 0 where the joint does not move the point.
     """
     groups = [points[i : i + 1] for i in range(len(points))]
     return group_reach(tree_i, tree_f, span, body, groups)

@@ -84,11 +84,8 @@ def motion_per_point(
 ) -> np.ndarray:
     """Return (n, dof) how far a joint moves each point at most [m per rad or m].
 
-    Args:
-        tree_i: (n_bodies, 3) bodies, as in `Robot`.
-        tree_f: (n_bodies, 17) bodies, as in `Robot`.
-        reach: (n, n_bodies) distances of points from the joints' axes, as in `Robot`.
-        dof: Number of joints.
+    The tree is as in `Robot`, and `reach` (n, n_bodies) the distances of points from
+    the joints' axes.
     """
     moved = np.zeros((len(reach), dof))
     for joint in range(dof):

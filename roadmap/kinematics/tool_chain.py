@@ -17,7 +17,7 @@ from roadmap.kinematics.joint_tree import (
     REVOLUTE,
     JointTree,
 )
-from roadmap.transforms import flat_pose
+from roadmap.transforms import flat_pose, pose_of_flat, pose_with
 
 _LENGTH = 0.3  # [m] counts as much as 1 rad in the dexterity, which is not asked for
 _SCALE = 0.1  # [m or rad] that counts as 1 where a descent compares errors
@@ -40,11 +40,10 @@ def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
     T = np.eye(4)
     for body in bodies[::-1]:
         f = robot.tree_f[body]
-        T = T @ _pose(f[:9], f[9:12])
+        T = T @ pose_of_flat(f[:12])
         if robot.tree_i[body, KIND] not in (REVOLUTE, PRISMATIC):
             continue
-        turn = np.eye(4)
-        turn[:3, :3] = _z_to(f[12:15])
+        turn = pose_with(_z_to(f[12:15]))
         fixed.append(flat_pose(T @ turn))
         joint = int(robot.tree_i[body, JOINT])
         rows += [] if joint in rows else [joint]
@@ -140,9 +139,3 @@ def _z_to(axis: np.ndarray) -> np.ndarray:
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=1)
-
-
-def _pose(rotation: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = np.reshape(rotation, (3, 3)), origin
-    return T

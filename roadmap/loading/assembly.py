@@ -65,13 +65,11 @@ def assemble(
     travel: tuple[str, ...],
     why_not: Mapping[str, str] | None = None,
 ) -> Robot:
-    """Make the robot, with cover and pairs.
+    """Make the robot from its parts, with cover and pairs.
 
-    Args:
-        parts: What it is made from.
-        excess: How far a cover sphere may stick out of its link [m].
-        travel: Joints that are held over their whole travel.
-        why_not: Joints of the gripper that are not, and the reason.
+    No cover sphere sticks out of its link by more than `excess` [m]. `travel` are
+    joints held over their whole travel; `why_not` says of other fingers why they are
+    not.
     """
     description, tree, owners = parts.description, parts.tree, parts.owners
     solids, notes = parts.solids

@@ -11,6 +11,7 @@ from roadmap.loading.sizes import check_travel_limits
 from roadmap.ranges import is_between
 from roadmap.robot.description import MOVABLE, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
+from roadmap.transforms import joint_motion
 
 # Used where the URDF has no velocity, zero or infinity [rad/s, m/s].
 DEFAULT_VELOCITY = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
@@ -243,23 +244,14 @@ def _bodies(description, drives, moving, values):
                 continue
             link_body[joint.child] = link_body[link]
             value = factor * values[driver] + offset if driver else 0.0
-            T_body_link[joint.child] = pose @ _motion(joint, value)
+            T_body_link[joint.child] = pose @ joint_motion(
+                joint.kind, joint.axis, value
+            )
     return np.array(rows_i), np.array(rows_f), link_body, T_body_link
 
 
 def _row(pose, axis=(0.0, 0.0, 1.0), factor=1.0, offset=0.0) -> np.ndarray:
     return np.concatenate([pose[:3, :3].ravel(), pose[:3, 3], axis, [factor, offset]])
-
-
-def _motion(joint: Joint, value: float) -> np.ndarray:
-    T = np.eye(4)
-    if joint.kind == "prismatic":
-        T[:3, 3] = value * joint.axis
-    elif joint.kind != "fixed":
-        x, y, z = joint.axis
-        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        T[:3, :3] += np.sin(value) * K + (1 - np.cos(value)) * K @ K
-    return T
 
 
 def _take_limits(

@@ -84,12 +84,7 @@ class Carried:
         return self.derivatives(radius)[0] * (self.upper - self.lower)
 
     def cells(self, radius: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return into how much the travel is cut.
-
-        Returns:
-            (k,) hulls a driver, (k,) small cells a hull, and what a hull is grown by
-            [m].
-        """
+        """Return (k,) hulls a driver, (k,) cells a hull, and a hull's growth [m]."""
         span, bend = self.upper - self.lower, self.derivatives(radius)[1]
         k = len(span)
         hulls = _counts(span * np.sqrt(bend / (8 * _BULGE)), _MOST_HULLS, 0)
@@ -110,13 +105,7 @@ def _counts(wanted: np.ndarray, most: int, ends: int) -> np.ndarray:
 def carried_links(
     description: Description, tree: BodyTree, travel: Sequence[str]
 ) -> dict[str, Carried]:
-    """Return the links that travelling joints carry.
-
-    Args:
-        description: The robot.
-        tree: Its bodies; all joints but those that move stand still.
-        travel: Names of the joints that travel; others may follow them.
-    """
+    """Return the links that the joints named in `travel` carry."""
     found = {}
     for link in description.links:
         steps: list[Step] = []

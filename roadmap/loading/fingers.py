@@ -23,16 +23,9 @@ def finger_joints(
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """Choose the joints that travel where nothing is said.
 
-    Args:
-        description: The robot.
-        tree: Its bodies.
-        tip: Link of the tool.
-        locked: Joints that the user locked.
-        radii_of_links: Tells how far the solids of each link reach from its origin
-            [m]; asked only where something may travel, since it takes seconds.
-
-    Returns:
-        Names of the joints that travel, and of those of the gripper that do not: why.
+    Returns their names, and of those of the gripper that do not, why. How far the
+    solids of each link reach from its origin [m] is asked only where something may
+    travel, since it takes seconds.
     """
     chosen, not_chosen = [], {}
     for name in _beyond(description, tree, tip):

@@ -13,6 +13,7 @@ from roadmap.geometry.solids import Solid
 from roadmap.kinematics.axis_reach import group_reach, joint_span
 from roadmap.kinematics.joint_tree import PARENT
 from roadmap.robot.robot import SPHERE, Robot
+from roadmap.transforms import pose_with
 
 PAYLOAD = "payload"
 _NO_POINTS = np.empty((0, 3))
@@ -90,12 +91,7 @@ def hanging_on(robot: Robot, body: int) -> set[int]:
 
 
 def extended_collision(bare: SelfCollision, loaded: Robot) -> SelfCollision:
-    """Return the self-collision model of a robot with a payload, quickly.
-
-    Args:
-        bare: Model of the same robot without its payload.
-        loaded: What `with_payload` made of it.
-    """
+    """Return the self-collision model of `loaded` from that of the bare."""
     known = bare.model
     new, n = len(loaded.shell_link) - 1, len(loaded.link_names) - 1
     tested = {int(a) for a, b in loaded.self_pairs if b == n}
@@ -153,8 +149,7 @@ def _round(subdivisions: int) -> np.ndarray:
 
 
 def _ball(sphere: np.ndarray) -> Solid:
-    T = np.eye(4)
-    T[:3, 3] = sphere[:3]
+    T = pose_with(np.eye(3), sphere[:3])
     return Solid(SPHERE, 0, T, (float(sphere[3]), 0.0, 0.0), _NO_POINTS)
 
 

@@ -28,15 +28,10 @@ LARGEST_SLIDE = 100.0  # [m]
 def check_sizes(
     description: Description, owners: Sequence[Link], solids: Sequence[Solid]
 ) -> None:
-    """Refuse sizes that no robot has.
+    """Refuse sizes that no robot has: name link, size, limit and scale.
 
-    Args:
-        description: The URDF.
-        owners: The links with geometry, in the order of the solids.
-        solids: One for each shape.
-
-    Raises:
-        BadRobot: One is too large or too small; names link, size, limit and scale.
+    `owners` are the links with geometry, in the order of the solids, one for each
+    shape.
     """
     shapes = [(link, s) for link in owners for s in link.collisions or link.visuals]
     for (link, shape), solid in zip(shapes, solids, strict=True):

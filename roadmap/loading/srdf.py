@@ -7,11 +7,7 @@ from roadmap.errors import BadRobot
 
 
 def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
-    """Return {links: reason} of the <disable_collisions> of an SRDF file.
-
-    Raises:
-        BadRobot: The file is missing or is not an SRDF.
-    """
+    """Return {links: reason} of the <disable_collisions> of an SRDF file."""
     from lxml import etree
 
     path = Path(path)

@@ -23,6 +23,7 @@ from roadmap.loading.body_tree import BodyTree, drive
 from roadmap.loading.finger_chain import Carried, has_limits
 from roadmap.robot.description import MOVABLE, Description, Link
 from roadmap.robot.robot import BOX, HULL
+from roadmap.transforms import moved_points
 
 WIDEST = 0.01  # [m] hulls grown by more than this are not worth having
 _MANY_CORNERS = 200  # hulls of more corners are simplified (by 0.2 mm at most)
@@ -32,12 +33,7 @@ _OCTAHEDRON = np.sqrt(3.0) * np.concatenate([np.eye(3), -np.eye(3)])  # holds a 
 
 
 def check_travel(description: Description, tree: BodyTree, name: str) -> None:
-    """Refuse a joint that cannot travel.
-
-    Raises:
-        BadRobot: There is no such joint, it is one that moves, follows another or has
-            no two limits.
-    """
+    """Refuse the travel of a joint that moves, follows, or lacks two limits."""
     joint = description.joints.get(name)
     movable = [j.name for j in description.joints.values() if j.kind in MOVABLE]
     if joint is None or joint.kind not in MOVABLE:
@@ -62,11 +58,7 @@ def check_travel(description: Description, tree: BodyTree, name: str) -> None:
 def check_width(
     links: Mapping[str, Carried], radii: Mapping[str, float], tip: str
 ) -> None:
-    """Refuse a travel of the tip, and one too wide for hulls.
-
-    Raises:
-        BadRobot: The tip would travel, or a link hangs on too many joints.
-    """
+    """Refuse a travel that would carry the tip, or a link on too many joints."""
     if tip in links:
         raise BadRobot(
             f"the tip {tip!r} would travel with {' and '.join(links[tip].drivers)}; "
@@ -100,11 +92,7 @@ def swept_solids(
 ) -> list[Solid]:
     """Put hulls over the whole travel in the place of the solids that travel.
 
-    Args:
-        solids: Of all links, body frames.
-        owners: The links they belong to.
-        tree: The bodies, as the solids were placed.
-        links: From `carried_links`.
+    `solids` are in body frames, `owners` their links, `links` from `carried_links`.
     """
     result = []
     for solid in solids:
@@ -125,8 +113,7 @@ def corners_of(solid: Solid) -> np.ndarray:
     if solid.kind == HULL:
         return _few(solid.body_points())
     if solid.kind == BOX:
-        T = solid.T_body_solid
-        return (_CORNERS * solid.size) @ T[:3, :3].T + T[:3, 3]
+        return moved_points(_CORNERS * solid.size, solid.T_body_solid)
     return shell(solid)
 
 
@@ -140,7 +127,7 @@ def _few(points: np.ndarray) -> np.ndarray:
 
 def _link_corners(solid: Solid, tree: BodyTree, link: str) -> np.ndarray:
     T_link_body = np.linalg.inv(tree.T_body_link[link])
-    return corners_of(solid) @ T_link_body[:3, :3].T + T_link_body[:3, 3]
+    return moved_points(corners_of(solid), T_link_body)
 
 
 def _hulls(carried: Carried, corners: np.ndarray) -> list[np.ndarray]:

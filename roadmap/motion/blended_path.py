@@ -243,11 +243,7 @@ def _common(corners: list[Corner], path: np.ndarray) -> int:
 
 
 def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
-    """Return the path (k, dof) checked, continuous joints going the short way.
-
-    Raises:
-        BadInput: It has another shape, is not finite or leaves the joints' limits.
-    """
+    """Return a path (k, dof) checked, continuous joints going the short way."""
     try:
         path = np.array(path, float)
     except (TypeError, ValueError) as error:

@@ -165,13 +165,9 @@ def blend_length(
 ) -> tuple[float, float]:
     """Return the half-length of a corner's blend, and how far it deviates at most [m].
 
-    Args:
-        robot: Whose cover it is.
-        corner: (dof,) configuration of the corner [rad or m].
-        u: (dof,) unit direction before it.
-        w: (dof,) unit direction behind it.
-        available: Largest half-length [rad or m of joint space].
-        blend: No centre of the cover may deviate farther than this [m].
+    `u` and `w` (dof,) are the unit directions before and behind the corner. At most
+    `available` is taken [rad or m of joint space], and no centre of the robot's cover
+    deviates farther than `blend` [m].
     """
     far = BLEND_DEVIATION * float(joint_motion_bounds(robot) @ np.abs(w - u))
     d = available if far * available <= blend else blend / far

@@ -19,15 +19,10 @@ _SHARES = (1.0, 0.75, 0.5, 0.25, 0.1, 0.0)  # of a speed, tried one after the ot
 
 
 def timed(path: BlendedPath, state: State, scale: float) -> SpeedProfile:
-    """Return the quick profile from a state on a path to its end.
+    """Return the quick profile from a state to the end of its path; or NoProfile.
 
-    Args:
-        path: The path and its limits.
-        state: Where on it the profile begins.
-        scale: Share of the velocity limits to use, in (0, 1].
-
-    Raises:
-        NoProfile: It is too fast for what lies ahead.
+    `scale` is the share of the velocity limits, in (0, 1]. There is none where the
+    state is too fast for what lies ahead.
     """
     if not path.pieces:
         return ProfileBuilder(State(state.s, 0.0, 0.0)).profile()
@@ -68,15 +63,9 @@ def retimed(
 ) -> SpeedProfile:
     """Time a path anew from the state of a profile at `t`, or from a later piece on.
 
-    Args:
-        profile: The profile in use.
-        t: The present time on it [s].
-        path: The profile's own path up to arc length `same_until`.
-        scale: Share of the velocity limits to use, in (0, 1].
-        same_until: See `path` [rad or m of joint space].
-
-    Raises:
-        NoProfile: It is too fast for what lies ahead.
+    `path` is the profile's own up to arc length `same_until` [rad or m of joint space];
+    `scale` is the share of the velocity limits, in (0, 1]. NoProfile where it is too
+    fast for what lies ahead.
     """
     head = ProfileBuilder(profile.state(t))
     while True:

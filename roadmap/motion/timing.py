@@ -143,10 +143,9 @@ class ProfileBuilder:
         return SpeedProfile(tuple(self.phases), self.t, float(self.state.s))
 
     def repeat(self, profile: SpeedProfile, t: float, s_end: float) -> None:
-        """Add what a profile does from time `t` until arc length `s_end`.
+        """Add what a profile does from `t` until arc length `s_end`.
 
-        Raises:
-            NoProfile: No phase of it begins there without acceleration.
+        NoProfile: no phase of it begins there without acceleration.
         """
         phases = profile.phases
         if not any(abs(p.s - s_end) < _MEETS and abs(p.a) < _STEADY for p in phases):

@@ -156,11 +156,9 @@ def known_robot(name: str | os.PathLike) -> KnownRobot | None:
 
 
 def robot_file(source: str | os.PathLike) -> Path:
-    """Return the URDF file of a known name, or the file that `source` itself names.
+    """Return the URDF of a known name, or the file that `source` itself names.
 
-    Raises:
-        BadRobot: There is no such file or name, lists the names; or what brings the
-            file is not installed, says how to install it.
+    BadRobot lists the names, or says how to install what brings the file.
     """
     check_kind("a robot", source, (str, os.PathLike), "give a name, or a URDF's path")
     robot, path = known_robot(source), Path(source)

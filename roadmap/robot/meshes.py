@@ -8,6 +8,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from roadmap.errors import BadRobot
+from roadmap.transforms import moved_points
 
 
 def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path:
@@ -51,12 +52,9 @@ def _in_packages(rest: str, folder: Path, package_dirs: tuple) -> list[Path]:
 
 
 def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray:
-    """Return the scaled vertices of a mesh file, (n, 3) [m], all parts together.
+    """Return the scaled vertices (n, 3) of all parts of a mesh file [m].
 
     A COLLADA file's unit is applied, its up axis is not: ROS reads them that way.
-
-    Raises:
-        BadRobot: The file cannot be read or holds no triangles.
     """
     try:
         points = _load(path)
@@ -86,7 +84,7 @@ def _load(path: Path) -> np.ndarray:
         T_scene_mesh, name = scene.graph[node]
         mesh = scene.geometry[name]
         used = mesh.vertices[np.unique(mesh.faces)]
-        points.append(used @ T_scene_mesh[:3, :3].T + T_scene_mesh[:3, 3])
+        points.append(moved_points(used, T_scene_mesh))
     return np.concatenate(points) * (_dae_unit(data) if kind == "dae" else 1.0)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from roadmap.kinematics.inverse import solve
 
 HULL, BOX, CYLINDER, SPHERE = 0, 1, 2, 3  # solid_kind
@@ -114,8 +114,7 @@ class Robot:
     moving: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name, dtype in _ARRAYS.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, **_ARRAYS)
         moving = frozen(self.sphere_body > 0, np.bool_)
         object.__setattr__(self, "moving", moving)
 

@@ -298,15 +298,10 @@ def _check_options(name: str, run: object, given: dict) -> None:
 
 
 def fill_section(path: Path, name: str, text: str | None) -> None:
-    """Put the table of a bench between its two markers in a Markdown file.
+    """Put `text` between the two markers of a bench in a Markdown file.
 
-    Args:
-        path: The file.
-        name: Of the bench; the markers are `<!-- odm bench NAME: begin -->` and end.
-        text: The table; None only checks that the markers are there.
-
-    Raises:
-        BadInput: The file or its markers are missing.
+    They are `<!-- odm bench NAME: begin -->` and end; None only checks that they are
+    there.
     """
     begin, end = (f"<!-- odm bench {name}: {side} -->" for side in ("begin", "end"))
     from roadmap.errors import BadInput

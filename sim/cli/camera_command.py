@@ -155,11 +155,7 @@ def _check_lens(request: CameraRequest, width: int, height: int) -> None:
 
 
 def read_depth_png(path: Path) -> "np.ndarray":
-    """Read a 16-bit PNG of one channel as (height, width) uint16.
-
-    Raises:
-        BadInput: It is no image, or has other pixels.
-    """
+    """Read a 16-bit PNG of one channel as (height, width) uint16."""
     import numpy as np
     from PIL import Image, UnidentifiedImageError
 

@@ -94,11 +94,7 @@ def run_two(request: TwoRequest) -> None:
 
 
 def base_pose(cell_map: "CellMap", base: tuple[float, float, float] | None) -> "object":
-    """Return T_world_base (4, 4) of the second robot, `base` or face to face.
-
-    Raises:
-        BadInput: A value is not finite.
-    """
+    """Return T_world_base (4, 4) of the second robot, `base` or face to face."""
     import numpy as np
 
     from roadmap.errors import BadInput

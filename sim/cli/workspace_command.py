@@ -162,11 +162,7 @@ def reach_info(request: ReachInfoRequest) -> None:
 
 
 def chain_of_request(request: ReachRequest) -> "Chain":
-    """Return the chain of a robot by name or URDF, or of a person's arm: "human".
-
-    Raises:
-        BadRobot: No such robot, or a description that cannot be used.
-    """
+    """Return the chain of a robot by name or URDF, or of a person's arm: "human"."""
     from handover import Human, chain_of
     from roadmap import load_robot
     from sim.cli.build_command import parse_locked

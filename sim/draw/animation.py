@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
@@ -37,15 +38,12 @@ def write_animation(
         robot: The robot.
         places: (n, dof) work places of the run.
         world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
-        path: File to write, whole or not at all.
+        path: File to write.
         settings: Size and length.
         tools: Where the tool goes for each number of `result.place` [m], in place of
             the work places.
-        still: (n, 3, 3) triangles of what stands around [m]; the world draws them,
-            and the camera goes where they hide least.
-
-    Returns:
-        The path written.
+        still: (n, 3, 3) triangles of what stands around [m]; the world draws them, and
+            the camera goes where they hide least.
     """
     settings = settings or FilmSettings()
     shown = settings.shown(_liveliness(result), result.rate_hz)
@@ -124,21 +122,14 @@ def _bodies(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return robot and person of a frame as balls (n, 4) [m]."""
     centers = sphere_centers(robot, result.q[frame])
-    person = [np.zeros((0, 4))]
-    for row in result.capsules[frame]:
-        s = np.linspace(0.0, 1.0, 16)[:, None]
-        beads = row[:3] + s * (row[3:6] - row[:3])
-        person.append(np.column_stack([beads, np.full(16, row[6])]))
-    return np.column_stack([centers, robot.spheres[:, 3]]), np.vstack(person)
+    own = np.column_stack([centers, robot.spheres[:, 3]])
+    return own, beads(result.capsules[frame], 16)
 
 
 def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
     """Return (n, 3) places of the tool along a path (k, dof) [m]; empty without legs.
 
-    Args:
-        robot: The robot.
-        path: Its corners [rad or m].
-        step: Largest move of a joint between two places, of legs of up to 200 [rad].
+    No joint moves by more than `step` [rad] between two places, of legs of up to 200.
     """
     if len(path) < 2:
         return np.zeros((0, 3))

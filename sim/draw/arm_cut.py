@@ -76,15 +76,8 @@ def arm_cut(
 ) -> Cut:
     """Return the cut through all places that a hand can be at.
 
-    Args:
-        human: The person.
-        side: Which arm.
-        normal: Axis the plane is square to, 1 (y) or 2 (z).
-        at: Where on that axis [m].
-        spacing: Between the places [m].
-        settings: Of the quality; None: the defaults.
-        rotations: Of the hand, that are tried at each place.
-        tell: Shows progress.
+    It is square to the axis `normal`, 1 (y) or 2 (z), at `at` [m], with places
+    `spacing` apart [m]; at each, `rotations` of the hand are tried.
     """
     shoulder = human.T_world_shoulder(side)[:3, 3]
     reach = human.arm(side).length
@@ -103,17 +96,7 @@ def arm_cut(
 
 
 def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> Path:
-    """Draw dexterity, effort and both in the cuts, one row for each cut.
-
-    Args:
-        human: The person.
-        side: Which arm the cuts are of.
-        cuts: At least one.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw dexterity, effort and both as a PNG, one row for each cut."""
     body = Silhouette(human.capsules_of("mean"))
     limits = [_limits(cut, body) for cut in cuts]
     wide = min(x[0] for x, _ in limits), max(x[1] for x, _ in limits)

@@ -41,14 +41,7 @@ def plot_cells(
 ) -> Path:
     """Draw the image, a slice from the side and one from above through the cells.
 
-    Args:
-        space: After a frame; its first camera is drawn.
-        image: (height, width) uint16 of that camera.
-        q: (dof,) the robot's configuration.
-        path: PNG file to write.
-
-    Returns:
-        The path written.
+    `image` is of the first camera of `space` in the last frame.
     """
     figure = new_figure(14.5, 4.9)
     figure.get_layout_engine().set(h_pad=0.15)

@@ -14,11 +14,7 @@ BEAD = 0.006  # distance of the balls a capsule is drawn with [m]
 
 
 class CoverWorld:
-    """Stands in for `sim.draw.world.World` where there is no pybullet.
-
-    Args:
-        robot: The robot; its cover is what is drawn.
-    """
+    """In place of `sim.draw.world.World` without pybullet: draws the cover."""
 
     def __init__(self, robot: Robot) -> None:
         """Choose the colours."""

@@ -19,15 +19,7 @@ from sim.draw.style import (
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
-    """Draw what a map covers, over the robot in the middle of its limits.
-
-    Args:
-        cell_map: The map.
-        path: PNG file to write.
-
-    Returns:
-        The path written.
-    """
+    """Draw what a map covers, over the robot in the middle of its limits, as a PNG."""
     robot, grid = cell_map.robot, cell_map.grid
     centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
     counts = node_counts(cell_map)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.draw.style import AMBER, FAINT, INK, RED, TEAL, rgb
+from sim.draw.style import AMBER, FAINT, INK, PURPLE, RED, TEAL, rgb
 from sim.draw.viewpoint import Camera
 
 BACKDROP, TABLE, GRID, WHITE = "#dee4ea", "#f3f4f3", "#e5e8e9", "#ffffff"
@@ -13,7 +13,7 @@ STATES = {  # what is said of a robot, and on which colour
     "following": ("following", TEAL),
     "replanned": ("new path", AMBER),
     "holding": ("holding", RED),
-    "backing off": ("backing off", "#7050b0"),
+    "backing off": ("backing off", PURPLE),
     "escaping": ("escaping", "#a02878"),
 }
 TABLE_X, TABLE_Y = (-0.35, 1.05), (-0.8, 0.8)  # [m]

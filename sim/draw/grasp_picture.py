@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import GraspSet, load_hand
-from roadmap.transforms import pose_of_flat
+from roadmap.transforms import moved_points, pose_of_flat
 from sim.draw.style import (
     AMBER,
     FAINT,
@@ -24,15 +24,7 @@ _SECTIONS = 12  # facets of a round link
 
 
 def write_grasp_plot(grasps: GraspSet, path: str | Path) -> Path:
-    """Draw where the palms are, by quality, and five closed hands from good to bad.
-
-    Args:
-        grasps: The set.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw where the palms are, by quality, and five closed hands: a PNG."""
     figure = new_figure(
         13.0,
         8.6,
@@ -71,7 +63,7 @@ def hand_triangles(grasps: GraspSet, row: int) -> np.ndarray:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
         T = pose_of_flat(frame) @ T
         corners = np.asarray(mesh.triangles)
-        found.append(corners @ T[:3, :3].T + T[:3, 3])
+        found.append(moved_points(corners, T))
     return np.concatenate(found)
 
 

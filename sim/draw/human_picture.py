@@ -8,6 +8,7 @@ from scipy.ndimage import binary_closing, gaussian_filter
 from handover import POSTURES, Human, Part
 from handover.human.anthropometry import ARM_JOINTS
 from roadmap.errors import BadInput
+from roadmap.transforms import moved_points
 from sim.draw.style import (
     AMBER,
     BLUE,
@@ -36,15 +37,7 @@ _BEFORE = 0.30  # [m] the cut from the front lies this far before the shoulder
 
 
 def write_human_picture(human: Human, path: str | Path) -> Path:
-    """Draw the person's capsules, cuts through the right hand's reach, the ranges.
-
-    Args:
-        human: The person; seen along the world's y and x axes.
-        path: PNG file to write, whole or not at all.
-
-    Returns:
-        The path written.
-    """
+    """Draw the capsules, cuts through the right hand's reach, ranges: a PNG."""
     figure = new_figure(
         13.0,
         6.4,
@@ -55,7 +48,7 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
     ratios = {"width_ratios": (1.15, 1.0, 0.95)}
     side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)
     shoulder = human.T_world_shoulder("right")
-    points = grip_points(human, 600_000) @ shoulder[:3, :3].T + shoulder[:3, 3]
+    points = moved_points(grip_points(human, 600_000), shoulder)
     points = points[points[:, 2] > 0.0]  # nobody reaches into the floor
     _draw_view(side, human, points, 1, shoulder[1, 3])
     set_title(side, "from the right")
@@ -174,18 +167,11 @@ def write_strip(
     times: list[float] | None = None,
     box: tuple = WORK_PLACE,
 ) -> Path:
-    """Draw the person at some moments, with the work place and the robot's base.
+    """Draw the person at some moments, with the work place and the robot's base: a PNG.
 
-    Filled is the person as guessed, a red outline what is remembered and grown.
-
-    Args:
-        motion: The clip.
-        path: PNG file to write.
-        times: Moments [s]; None: eight, evenly over the clip.
-        box: ((x, x), (y, y), (z, z)) ends of the work place, base frame [m].
-
-    Returns:
-        The path written.
+    Filled is the person as guessed, a red outline what is remembered and grown. By
+    default eight times [s], evenly over the clip; `box` holds the ends of the work
+    place along x, y and z, base frame [m].
     """
     if times is None:
         times = list(np.linspace(0.0, motion.duration_s, 8))

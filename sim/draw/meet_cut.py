@@ -5,7 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from handover import Human, InteractionWorkspace, Part, ReachMap, Target
+from handover import Human, InteractionWorkspace, ReachMap, Target
+from handover.human.body import ARM_LABELS
 from roadmap.geometry.gaps import moved_rods
 from roadmap.geometry.self_collision import configuration_free
 from roadmap.robot.robot import Robot
@@ -83,12 +84,7 @@ def find_meeting(
 ) -> Meeting:
     """Return the best k targets of a workspace and the robot's joints there.
 
-    Args:
-        meet: With robot and person where they are.
-        robot: The robot of its reach map.
-        distance: See `Meeting`.
-        k: How many targets are told.
-        human_reach: What the workspace was given.
+    `human_reach` is what the workspace was given; `distance` as in `Meeting`.
     """
     best = meet.best(max(k, TRIES))
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
@@ -145,6 +141,5 @@ def _in_the_way(
     """Return the person's capsules in the base frame, without the taking forearm."""
     side = meet.settings.side
     taking = meet.human.with_arm(side, target.arm_q)
-    own = {Part[f"{side}_{p}".upper()] for p in ("hand", "forearm")}
-    keep = np.array([Part(int(label)) not in own for label in taking.labels])
+    keep = ~np.isin(taking.labels, ARM_LABELS[side][:2])
     return moved_rods(taking.capsules_of("mean")[keep], T_base_world)

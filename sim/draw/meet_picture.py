@@ -45,20 +45,11 @@ def write_meet_picture(
     path: str | Path,
     tell: object = None,
 ) -> Path:
-    """Draw cuts through interaction workspaces, robot, person and best target.
+    """Draw cuts through interaction workspaces, robot, person and best target: a PNG.
 
     The axes of the robot's base are taken to be the world's. One meeting is drawn from
-    the side and from above, with the parts of its quality; several beside each other.
-
-    Args:
-        meetings: At least one, of the same robot and object.
-        robot: The robot.
-        q_rest: Its joints where no target can be drawn.
-        path: PNG file to write, whole or not at all.
-        tell: Called with ("cut", done, n).
-
-    Returns:
-        The path written.
+    the side and from above, with the parts of its quality; several, of one robot and
+    object, beside each other. The robot is at `q_rest` where no target can be drawn.
     """
     scenes = _scenes(meetings, robot, q_rest, tell)
     boxes = np.array([scene.box for scene in scenes])

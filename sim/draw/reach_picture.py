@@ -20,16 +20,9 @@ from sim.draw.style import (
 
 
 def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
-    """Draw two cuts through a map: the best quality, and the share of rotations.
+    """Draw two cuts through a map as a PNG: best quality, and share of rotations.
 
     Each cut goes through the layer of cells where most is reached.
-
-    Args:
-        reach: The map.
-        path: PNG file to write.
-
-    Returns:
-        The path written.
     """
     fields = zip(
         ("best quality over all rotations", "rotations reached"),

@@ -8,26 +8,20 @@ import numpy as np
 from handover import Scene
 from handover.scenes.plan_file import WHO, change_time, joints_at, object_at
 from handover.scenes.scene import PlacedAgent
-from sim.draw.style import AMBER, FAINT, INK, TEAL, new_figure, save
+from sim.draw.style import AMBER, BLUE, FAINT, INK, RED, TEAL, WOOD, new_figure, save
 from sim.draw.surroundings import add_shaded, all_triangles, show_box
 
-_GIVER, _RECEIVER, _FURNITURE = TEAL, "#4a7fb5", "#d8cdbd"
-_START, _GOAL, _HANDOVER = AMBER, "#c43e3e", "#7b4fa3"
+_GIVER, _RECEIVER, _FURNITURE = TEAL, BLUE, WOOD
+_START, _GOAL, _HANDOVER = AMBER, RED, "#7b4fa3"
 _VIEWS = ((22.0, -62.0), (4.0, -90.0), (89.0, -90.0))  # elevation, azimuth [deg]
 _NAMES = ("", "from the side", "from above")
 
 
 def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> Path:
-    """Draw a scene from three sides.
+    """Draw a scene from three sides as a PNG.
 
-    Args:
-        scene: The scene.
-        path: PNG file to write, whole or not at all.
-        plan: Record of a plan of it, see `handover.scenes.plan_file`: both agents are
-            drawn as they hand over, the object where it changes hands.
-
-    Returns:
-        The path written.
+    With the record of a plan of it, see `handover.scenes.plan_file`, both agents are
+    drawn as they hand over, and the object where it changes hands.
     """
     title = f"{scene.name}, seed {scene.seed}: {scene.obj.name} amber at its start, "
     title += "red at its goal"

@@ -5,6 +5,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import Robot
+from roadmap.transforms import moved_points
 from sim.draw.style import INK, PALE
 
 _STEP = 0.006  # [m] between the places that an outline is drawn from
@@ -34,10 +35,7 @@ class Silhouette:
     def distance(self, plane: tuple[int, int], x: np.ndarray, y: np.ndarray):
         """Return how far places are outside of the outline (negative: inside) [m].
 
-        Args:
-            plane: The two axes seen, across and up.
-            x: Places across, of any shape [m].
-            y: Places up, of the same shape [m].
+        `x` and `y` are their coordinates across and up, of one shape [m].
         """
         at = np.stack([x, y], axis=-1)
         nearest = np.full(at.shape[:-1], np.inf)
@@ -63,13 +61,8 @@ class Silhouette:
     ) -> None:
         """Fill the outline with a colour and draw it as a line.
 
-        Args:
-            axis: Of matplotlib.
-            plane: The two axes seen, across and up.
-            fill: Colour of the filling.
-            line: Colour of the line.
-            layers: Of the filling and of the line.
-            style: Of the filling, such as `alpha`; `linewidths` is the line's.
+        `plane` are the two axes seen, across and up; `layers` those of filling and
+        line. `style` is of the filling, such as `alpha`; `linewidths` is the line's.
         """
         width = {"linewidths": style.pop("linewidths", 1.1)}
         seen = self.points()[:, list(plane)]
@@ -89,7 +82,7 @@ def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
     for i, link in enumerate(robot.shell_link):
         own = slice(robot.shell_ptr[i], robot.shell_ptr[i + 1])
         T = T_world_base @ frames[robot.link_body[link]]
-        solids.append(robot.shell_points[own] @ T[:3, :3].T + T[:3, 3])
+        solids.append(moved_points(robot.shell_points[own], T))
     return Silhouette(polytopes=solids)
 
 

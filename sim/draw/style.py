@@ -8,6 +8,7 @@ from sim.terminal.output import write_whole
 
 INK, FAINT, LINE, PALE = "#2c343e", "#8c96a0", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
+PURPLE, WOOD = "#7050b0", "#d8cdbd"
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
 BODY, BODY_EDGE = "#dfe4e9", "#7c8894"
 # of a person and what is carried or stands around, each 0 to 1; see `person_colours`
@@ -119,20 +120,11 @@ def draw_cut(
     colours: str = QUALITY,
     **style: object,
 ) -> object:
-    """Draw one layer of square cells.
+    """Draw one layer of square cells; return the image.
 
-    Args:
-        axis: Of matplotlib.
-        corner: Lower left corner of the layer: across, up.
-        cell: Side of a cell, in the same unit.
-        values: (rows up, columns across) numbers, NaN: left free; or a further axis
-            of four, the cells' own colours.
-        span: Values with the first and the last of the colours.
-        colours: Name of a matplotlib colour map.
-        style: Further options of `imshow`.
-
-    Returns:
-        The image.
+    `values` (rows up, columns across) begin at the lower left `corner`; NaN is left
+    free, a further axis of four holds the cells' own colours. `span` has the values
+    with the first and the last of the colours, `style` further options of `imshow`.
     """
     rows, columns = values.shape[:2]
     (x, y), (low, high) = corner, span or (None, None)

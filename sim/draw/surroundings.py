@@ -7,6 +7,7 @@ import numpy as np
 from odm import ReactivePlanner
 from odm.obstacles import shapes
 from odm.obstacles.surfaces import Surface
+from roadmap.transforms import moved_points
 
 _SECTIONS = 16  # facets of a round solid
 _GRAIN = 0.03  # [m] between the balls of a triangle
@@ -53,8 +54,7 @@ def triangles_of(shape: shapes.Shape) -> np.ndarray:
                 shape.radius, shape.length, sections=_SECTIONS
             )
         corners = np.asarray(mesh.triangles)
-    T = shape.T_base_shape
-    return corners @ T[:3, :3].T + T[:3, 3]
+    return moved_points(corners, shape.T_base_shape)
 
 
 def add_shaded(
@@ -62,13 +62,8 @@ def add_shaded(
 ) -> np.ndarray:
     """Draw triangles as one collection, so that nearer ones hide farther ones.
 
-    Args:
-        axis: Of matplotlib, in three dimensions; it is left without its box.
-        parts: (n, 3, 3) triangles [m] and their colour.
-        zoom: How large they are drawn.
-
-    Returns:
-        (n, 3, 3) all triangles.
+    `parts` are (n, 3, 3) triangles [m] and their colour, all of which are returned. The
+    three-dimensional axis is left without its box.
     """
     from matplotlib.colors import to_rgb
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection

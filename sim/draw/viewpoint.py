@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from roadmap.transforms import moved_points, pose_with
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -31,10 +33,8 @@ class Camera:
         back = (eye - target) / np.linalg.norm(eye - target)
         right = np.cross([0.0, 0.0, 1.0], back)
         right /= np.linalg.norm(right)
-        T = np.eye(4)
-        T[:3, :3] = right, np.cross(back, right), back
-        T[:3, 3] = -T[:3, :3] @ eye
-        return T
+        R = np.array([right, np.cross(back, right), back])
+        return pose_with(R, -R @ eye)
 
     def projection(self) -> np.ndarray:
         """Return the (4, 4) matrix from the camera's frame to clip space."""
@@ -50,7 +50,7 @@ class Camera:
         """Return (n, 2) pixels and (n,) distances along the view [m] of points."""
         points = np.asarray(points, float).reshape(-1, 3)
         T = self.view()
-        eye = points @ T[:3, :3].T + T[:3, 3]
+        eye = moved_points(points, T)
         distance = -eye[:, 2]
         P = self.projection()
         x = P[0, 0] * eye[:, 0] / distance

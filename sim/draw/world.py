@@ -252,11 +252,7 @@ def capsule_mesh(
 
 
 def import_pybullet() -> ModuleType:
-    """Return pybullet, whose greeting is dropped.
-
-    Raises:
-        SimulatorMissing: It is not installed.
-    """
+    """Return pybullet, whose greeting is dropped, or raise SimulatorMissing."""
     try:
         if "pybullet" not in sys.modules:
             with _without(GREETING):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from sim.keyboard.bindings import HOME, LARGER, MOVES, SMALLER
 from sim.people.arm import HumanArm
@@ -57,8 +57,7 @@ class ArmState:
     size: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("x", "v", "target"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, x=float, v=float, target=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +78,7 @@ class ArmLimits:
 
     @classmethod
     def of(cls, person: Person) -> "ArmLimits":
-        """Return the limits of a person: a box about the place, ranges of the joints.
-
-        Raises:
-            BadInput: The speed limit is not positive.
-        """
+        """Return the limits of a person: a box about the place, joint ranges."""
         speed = MAX_SPEED if person.max_speed is None else person.max_speed
         if not 0 < speed < np.inf:
             raise BadInput(

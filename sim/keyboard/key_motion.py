@@ -29,11 +29,7 @@ class KeyboardArm:
     def __init__(
         self, person: Person | None = None, events: Iterable[KeyEvent] = ()
     ) -> None:
-        """Put the arm at home.
-
-        Raises:
-            BadInput: The speed limit, a time or a key of the events is none.
-        """
+        """Put the arm at home; check the speed limit and the events."""
         self.limits = ArmLimits.of(person or Person(HumanArm.sized()))
         self._events = _checked(events)
         self._latest = 0
@@ -59,10 +55,9 @@ class KeyboardArm:
         return state
 
     def press(self, key: str) -> KeyEvent:
-        """Take a key now: it acts from the last moment on that was asked for.
+        """Take a key of the arm: it acts from the last moment on that was asked for.
 
-        Raises:
-            BadInput: It is no key of the arm, or recorded keys are still to come.
+        Refused while recorded keys are still to come.
         """
         (event,) = _checked([KeyEvent(self._latest * TICK, key)])
         if self._events and self._events[-1].t > event.t:
@@ -79,11 +74,7 @@ class KeyboardArm:
         return self.limits.arm.capsules(facing_robot(x[:3]), x[3:])
 
     def at(self, t: float) -> np.ndarray:
-        """Return (7,) shoulder [m] and angles [rad] at time `t` [s], from 0 on.
-
-        Raises:
-            BadInput: The time is negative or not finite.
-        """
+        """Return (7,) shoulder [m] and angles [rad] at a time [s], from 0 on."""
         if not 0 <= t < math.inf:
             raise BadInput(f"the arm was asked for at {t} s; ask for 0 s or later")
         if t < (self._tick - 1) * TICK:

@@ -35,11 +35,7 @@ class KeyboardPerson:
         self.frames, self.late, self.slipped_s = 0, 0, 0.0
 
     def arm(self, person: Person) -> KeyboardArm:
-        """Return the arm that is moved, of these sizes, at this place.
-
-        Raises:
-            BadInput: The person's speed limit is not positive.
-        """
+        """Return the arm that is moved, of these sizes, at this place."""
         self._arm = KeyboardArm(person)
         return self._arm
 
@@ -49,11 +45,7 @@ class KeyboardPerson:
         return self._arm.events
 
     def open(self) -> None:
-        """Take keys and screen of the terminal this process was started from.
-
-        Raises:
-            NoTerminal: There is none to read keys from.
-        """
+        """Take keys and screen of this process's terminal, or raise NoTerminal."""
         self._keys, self._screen = open_terminal()
 
     def play(self, loop: Loop, hear: Callable[[Frame], None]) -> RunResult | None:
@@ -117,11 +109,7 @@ class KeyboardPerson:
 
 
 class KeptFrames:
-    """Keeps the last frames of a run without an end, without what is large in them.
-
-    Args:
-        most: How many.
-    """
+    """Keeps the last frames of an endless run, without what is large in them."""
 
     def __init__(self, most: int) -> None:
         """Keep none yet."""

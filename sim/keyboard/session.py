@@ -16,7 +16,7 @@ from sim.loop.loop import Frame
 
 REDRAW = 0.1  # from picture to picture [s]
 RELINE = 1.0  # from line to line where there is no picture [s]
-NAP = 0.05  # longest sleep, so that a signal is soon heeded at low rates too [s]
+NAP = 0.05  # longest sleep, so that a signal is noticed soon at low rates too [s]
 
 
 class Pacer:
@@ -120,11 +120,7 @@ class Session:
         self._drawn = -1e9
 
     def run(self, keys: Keys, screen: Screen) -> str:
-        """Run to the end; the terminal is given back however that comes.
-
-        Returns:
-            Why it ended.
-        """
+        """Run to the end and return why it ended; the terminal is given back always."""
         with Signals() as signals:
             while self._some(keys, screen, signals):
                 signals.suspend()  # only now is the terminal the shell's again

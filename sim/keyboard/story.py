@@ -40,11 +40,7 @@ class KeyboardStory:
         self.person = WholePerson(self.arm)
 
     def open(self) -> None:
-        """Take keys and screen of the terminal this process was started from.
-
-        Raises:
-            NoTerminal: There is none to read keys from.
-        """
+        """Take keys and screen of this process's terminal, or raise NoTerminal."""
         self._keys, self._screen = open_terminal()
 
     def play(self, run: StoryPlay, hear: Callable[[StoryMoment], None]) -> StoryResult:

@@ -78,11 +78,7 @@ def _name(sequence: bytes) -> str | None:
 
 
 class Keys:
-    """Reads keys from a terminal, without waiting for any.
-
-    Args:
-        fd: The terminal.
-    """
+    """Reads keys from a terminal, without waiting for any."""
 
     def __init__(self, fd: int) -> None:
         """Start with no keys."""
@@ -104,12 +100,7 @@ class Keys:
 
 
 class Screen:
-    """Draws pictures over one another, each in one piece.
-
-    Args:
-        fd: The terminal.
-        encoding: Of its text.
-    """
+    """Draws pictures over one another, each in one piece."""
 
     def __init__(self, fd: int, encoding: str = "utf-8") -> None:
         """Draw nothing yet."""
@@ -213,11 +204,7 @@ def taken(keys: Keys, screen: Screen) -> Iterator[None]:
 
 
 def open_terminal() -> tuple[Keys, Screen]:
-    """Return keys and screen of the terminal this process was started from.
-
-    Raises:
-        NoTerminal: Keys cannot be read, or nothing can be drawn.
-    """
+    """Return keys and screen of the terminal of this process, or raise NoTerminal."""
     streams = [s for s in (sys.stdout, sys.stderr) if _is_terminal(s)]
     for missing, what in (
         (not _is_terminal(sys.stdin), "standard input is none"),

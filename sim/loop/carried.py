@@ -8,6 +8,7 @@ from odm.cell_map.payload import required
 from roadmap.kinematics.forward import tool_pose
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
+from roadmap.transforms import moved_points
 
 if TYPE_CHECKING:
     from odm import ReactivePlanner
@@ -16,12 +17,7 @@ if TYPE_CHECKING:
 def take_ball(planner: "ReactivePlanner", radius: float | None) -> Robot:
     """Attach a ball at the middle of the map's envelope; return the robot with it.
 
-    Args:
-        planner: Of a map with a payload layer.
-        radius: Of the ball [m]; None: nothing is attached.
-
-    Raises:
-        BadInput: The map has no payload layer, or the ball does not fit.
+    Its radius is in metres; None: nothing is attached.
     """
     if radius is None:
         return planner.robot
@@ -33,5 +29,5 @@ def take_ball(planner: "ReactivePlanner", radius: float | None) -> Robot:
 def ball_rows(robot: Robot, spheres: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return spheres (n, 4) of the tool frame as (n, 7) capsules where they are [m]."""
     T = tool_pose(robot, q)
-    centers = spheres[:, :3] @ T[:3, :3].T + T[:3, 3]
+    centers = moved_points(spheres[:, :3], T)
     return np.hstack([centers, centers, spheres[:, 3:]])

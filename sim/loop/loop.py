@@ -9,6 +9,7 @@ import numpy as np
 from odm.execution.executor import RETREATING, Executor
 from odm.execution.kinematic import KinematicMover
 from odm.execution.settings import ExecutionSettings
+from odm.execution.speed_limit import NOBODY
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
@@ -22,7 +23,6 @@ from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
 ARRIVED = 1e-6  # largest joint difference at which a work place is reached
-NOBODY = np.zeros((0, 7))
 
 MOVERS = {"kinematic": KinematicMover, "timed": Executor}
 
@@ -349,13 +349,10 @@ def run_loop(
     on_frame: Callable[[Frame], None] | None = None,
     pushed: PushSettings | None = None,
 ) -> RunResult:
-    """Run the loop for its whole duration; the arguments are those of `Loop`.
+    """Run the loop for its whole duration, with the arguments of `Loop`; return all.
 
-    `on_frame` is called after every frame, for a picture or a progress bar.
-
-    Returns:
-        Every frame and the figures; the same input gives the same result but for
-        the clock's figures.
+    `on_frame` is called after every frame, for a picture or a progress bar. The same
+    input gives the same result but for the clock's figures.
     """
     loop = Loop(planner, robot, places, motion, settings, pushed)
     return run_frames(loop, on_frame)

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import CellMap, sample_capsules
 from odm.checks import outside_limits
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 from sim.terminal.npz import TooLarge, array_of, read_members
 
@@ -41,11 +41,9 @@ class Recording:
     rounding: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        kinds = {"points": float, "offsets": np.int64, "q_start": float}
-        for name, kind in {**kinds, "q_goal": float}.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), kind))
+        freeze(self, points=float, offsets=np.int64, q_start=float, q_goal=float)
         if self.rounding is not None:
-            object.__setattr__(self, "rounding", frozen(self.rounding, float))
+            freeze(self, rounding=float)
 
     @property
     def n_frames(self) -> int:
@@ -66,17 +64,11 @@ class Recording:
 def read_recording(
     path: str | Path, cell_map: CellMap, spacing: float | None = None
 ) -> Recording:
-    """Read an `.npz` of frames for the robot of a map.
+    """Read an `.npz` of frames for the robot of a map, or raise BadRecording.
 
-    Args:
-        path: File with `capsules` (F, K, 7), or `points` (sum, 3) and `offsets`
-            (F + 1,), further `q_start`, `q_goal` (dof,), `rate_hz`; with points also
-            `covering_radius` [m], the map's rho where it is left out.
-        cell_map: The map it will be played on.
-        spacing: Of the samples on capsules [m].
-
-    Raises:
-        BadRecording: The file is missing, is no .npz, or holds a wrong value.
+    It holds `capsules` (F, K, 7), sampled `spacing` apart [m], or `points` (sum, 3) and
+    `offsets` (F + 1,); further `q_start`, `q_goal` (dof,), `rate_hz`; with points also
+    `covering_radius` [m], the map's rho where it is left out.
     """
     arrays = _load(Path(path))
     start, goal = (_configuration(arrays, n, cell_map) for n in ("q_start", "q_goal"))

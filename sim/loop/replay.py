@@ -1,20 +1,16 @@
 """`odm replay`: recorded obstacle frames through the planner, without a simulator."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from odm import Answer, CellMap, ReactivePlanner
 from odm.execution.kinematic import Follower
 from odm.frame.freedom import check_valid
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
+from sim.loop.loop import ARRIVED
 from sim.loop.recording import Recording
 from sim.loop.run_result import percentiles
 from sim.loop.warmup import exercise
-
-ARRIVED = 1e-6  # largest joint difference at which the goal is reached
-
-Progress = Callable[[str, int, int], None]
 
 
 def play(
@@ -26,15 +22,9 @@ def play(
 ) -> dict:
     """Play a recording; between frames the robot follows the answer's path.
 
-    It moves at its joints' speed limits; while the planner holds, it stands still:
-    it does not retreat, as `odm run` would.
-
-    Args:
-        cell_map: The map.
-        recording: What to play, from `read_recording`.
-        always_replan: Search from scratch in every frame.
-        paths: Keep the path of each frame.
-        progress: Called with (stage, done, total).
+    It moves at its joints' speed limits; while the planner holds it stands still, and
+    does not retreat as in `odm run`. With `always_replan` each frame searches from
+    scratch, with `paths` the path of each frame is kept.
 
     Returns:
         Plain data: "map_hash", "summary", "frames" (the same for the same input) and

@@ -9,24 +9,11 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 
 STATUS = ("following", "replanned", "holding")  # codes of RunResult.status
 RETREATS = ("", "backing off", "escaping")  # codes of RunResult.retreat
 MOVING = 0.01  # a joint faster than this moves [rad/s or m/s]
-
-_ARRAYS = {
-    "q": np.float64,
-    "capsules": np.float64,
-    "separation": np.float64,
-    "joint_speed": np.float64,
-    "point_speed": np.float64,
-    "status": np.uint8,
-    "place": np.int32,
-    "wall_s": np.float64,
-    "cpu_s": np.float64,
-    "improve_s": np.float64,
-}
 
 
 @dataclass(frozen=True)
@@ -98,8 +85,9 @@ class RunResult:
     pushed: dict | None = None
 
     def __post_init__(self) -> None:
-        for name, dtype in _ARRAYS.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, q=float, capsules=float, separation=float, joint_speed=float)
+        freeze(self, point_speed=float, status=np.uint8, place=np.int32)
+        freeze(self, wall_s=float, cpu_s=float, improve_s=float)
         retreat = np.zeros(len(self.q)) if self.retreat is None else self.retreat
         object.__setattr__(self, "retreat", frozen(retreat, np.uint8))
         improve = self.improve_s if self.improve_cpu_s is None else self.improve_cpu_s
@@ -138,10 +126,9 @@ class RunResult:
         return int(d.argmin()) if len(d) and np.isfinite(d.min()) else None
 
     def misses(self, clock: str = "wall") -> np.ndarray:
-        """Return the frames whose step and improving outlasted the period.
+        """Return the frames whose step and improving took longer than the period.
 
-        Args:
-            clock: "wall" or "cpu".
+        By the "wall" or the "cpu" clock.
         """
         return np.flatnonzero(self._busy(clock) > 1.0 / self.rate_hz)
 
@@ -253,11 +240,8 @@ def holds_of(
 ) -> tuple[Hold, ...]:
     """Return the stretches of frames without a path.
 
-    Args:
-        status: (F,) index into `STATUS`.
-        joint_speed: (F,) fastest joint on the way to each frame [rad/s or m/s].
-        reason: Frame -> the planner's sentence.
-        rate_hz: Frames per second.
+    `status` (F,) is an index into `STATUS`, `joint_speed` (F,) the fastest joint on the
+    way to each frame [rad/s or m/s], `reason` gives the planner's sentence of a frame.
     """
     held = np.asarray(status) == STATUS.index("holding")
     moved = np.r_[np.asarray(joint_speed)[1:] > 0, False]

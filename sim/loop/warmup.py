@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
@@ -44,6 +44,7 @@ from odm.cameras import look_at
 from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
 from odm.search._state import NO_ITEM
+from roadmap.chunks import Progress
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
@@ -75,18 +76,12 @@ URDF = """<robot name="sample">
 """
 COARSE, FINE = 0.04, 0.004  # [m] the fine one needs more blocks than 16 bits can name
 
-Progress = Callable[[str, int, int], None]
-
 
 def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
-    """Build a tiny map, store, load and use it in every way, in two processes.
+    """Compile all by building, storing and using a tiny map, in two processes.
 
-    Args:
-        progress: Called with (stage, done, total).
-        fine: Also compile for grids of more than 65535 blocks.
-
-    Returns:
-        Seconds it took, and how many kernels were compiled anew.
+    Returns the seconds it took, and how many kernels were compiled anew. `fine` is for
+    grids of more than 65535 blocks, too.
     """
     begun = time.perf_counter()
     sizes = (COARSE, FINE) if fine else (COARSE,)
@@ -107,9 +102,7 @@ def run_warmup(progress: Progress, fine: bool = False) -> tuple[float, int]:
 class _Jobs:
     """What is compiled, job by job; whichever process comes first takes a job.
 
-    Args:
-        folder: Where the map is stored, and read again.
-        h: Cell size of the map [m].
+    The map of cells of side `h` [m] is stored in `folder`, and read again.
     """
 
     def __init__(self, folder: Path, h: float) -> None:

@@ -10,7 +10,7 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.ranges import check_settings
 from roadmap.robot.robot import Robot
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import pose_of
 
 IsFree = Callable[[np.ndarray, np.ndarray], object]
 
@@ -62,22 +62,10 @@ def work_places(
     is_free: IsFree,
     settings: WorkPlaceSettings = WorkPlaceSettings(),
 ) -> np.ndarray:
-    """Return two free configurations whose tools stand left and right, pointing down.
+    """Return two free configurations (2, dof), tools left and right, pointing down.
 
-    Where the tool cannot point down or go sideways, nodes near to that are taken.
-
-    Args:
-        robot: The robot.
-        roadmap: Its roadmap: seeds of the inverse kinematics, and what is taken where
-            the tool cannot point down.
-        is_free: (q, q) -> true where the robot may stand.
-        settings: Where they are looked for.
-
-    Returns:
-        (2, dof) the left and the right one, near each other in joint space.
-
-    Raises:
-        NoWorkPlaces: There are none.
+    Where the tool cannot point down or go sideways, nodes of the roadmap near to that
+    are taken. The two are near each other in joint space. NoWorkPlaces: there are none.
     """
     # the first nodes may all lie on one side, or keep the arm folded
     s = settings
@@ -121,11 +109,7 @@ def _aside(
     is_free: IsFree,
     s: WorkPlaceSettings,
 ) -> np.ndarray:
-    """Return `q` and a node as far from it as asked: an arm that cannot go sideways.
-
-    Raises:
-        NoWorkPlaces: No free node is that far away.
-    """
+    """Return `q` and a node as far from it as asked: an arm that cannot go sideways."""
     wanted = _apart_asked(asked)
     away = np.array([_apart(robot, np.array([q, node])) for node in nodes])
     order = np.argsort(np.abs(away - wanted), kind="stable")[: s.candidates]
@@ -145,8 +129,7 @@ def reach_of(robot: Robot, nodes: np.ndarray) -> float:
 
 def _reaching(robot: Robot, nodes: np.ndarray, tool: np.ndarray, is_free: IsFree):
     """Return free configurations with the tool there, or the nearest free nodes."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_rpy(np.pi, 0.0, 0.0), tool
+    T = pose_of(tool, (np.pi, 0.0, 0.0))
     tools = np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
     order = np.argsort(np.linalg.norm(tools - tool, axis=1), kind="stable")
     near = nodes[order]

@@ -101,13 +101,7 @@ class LadderCase(StoryCase):
     def drawn_at(
         cls, seed: int, draw: int = 0, at: WorkPlace = BESIDE_PANDA
     ) -> "LadderCase":
-        """Return a case of a seed.
-
-        Args:
-            seed: Of the draws.
-            draw: Counts those that were not in reach.
-            at: Where the ladder can stand.
-        """
+        """Return the case number `draw` of a seed, by a ladder `at` a place."""
         rng = np.random.default_rng([seed, draw, 19])
         return cls(
             "give",
@@ -160,16 +154,7 @@ def wrench_of(size: float) -> HeldObject:
 
 
 def pads_at(robot: Robot, asked: Sequence[str], at: WorkPlace) -> tuple[str, ...]:
-    """Return the links that may touch a tool.
-
-    Args:
-        robot: The robot.
-        asked: By name; empty: those of the work place.
-        at: The work place.
-
-    Raises:
-        BadInput: There are none, or one that the tool does not carry.
-    """
+    """Return the links that may touch a tool: as asked, or the work place's."""
     own = gripper_links(robot)
     if not asked and not own.issuperset(at.pads):
         raise BadInput(
@@ -189,14 +174,8 @@ def tools_of(
 ) -> tuple[ToolSetup, ...]:
     """Return the setup of each tool, in the order in which they are asked for.
 
-    Args:
-        cell_map: The robot's map.
-        reach: Its reach map.
-        pads: Links that may touch a tool; empty: those of the work place.
-        at: Where the tools stand.
-
-    Raises:
-        BadInput: The robot has no fingers.
+    `pads` are links that may touch a tool; empty: those of the work place `at` which
+    the tools stand. A robot without fingers is refused.
     """
     pads = pads_at(cell_map.robot, pads, at)
     shared = setup_of(cell_map, reach, place=False, pads=pads)
@@ -246,19 +225,10 @@ def case_in_reach(
 ) -> LadderCase:
     """Return the first case of a seed in which both ways are in reach, for each tool.
 
-    By exact inverse kinematics, before the run; see `sim.story.cases.in_reach`. A tool
-    is held out where the person's own arm, at rest again, is not in it: the simulated
-    person would draw the arm through the tool in the robot's hand.
-
-    Args:
-        setups: Of each tool.
-        seed: Of the draws.
-        draws: Cases that are drawn until one is in reach.
-        apart: A tool that is held out is so far from the arm at rest [m].
-        at: Where the ladder can stand.
-
-    Raises:
-        BadInput: None of the draws is.
+    Told by exact inverse kinematics before the run; see `sim.story.cases.in_reach`. A
+    tool is held out where it is `apart` [m] from the person's arm at rest: the
+    simulated person would draw the arm through it. BadInput where none of so many
+    `draws` is.
     """
     for draw in range(draws):
         case = LadderCase.drawn_at(seed, draw, at)

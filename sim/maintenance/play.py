@@ -167,12 +167,7 @@ class MaintenancePlay:
 
 
 def trouble_of(run: StoryPlay, at_rest: float = CycleSettings.at_rest) -> str:
-    """Return why a hand-over that is over was none, or the next cannot begin.
-
-    Args:
-        run: The hand-over.
-        at_rest: See CycleSettings [rad or m].
-    """
+    """Return why a hand-over that is over was none, or the next one cannot begin."""
     story, rest = run.story, run.setup.rest
     if not run.result.handed_over:
         return run.result.outcome or story.reason

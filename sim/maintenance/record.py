@@ -19,11 +19,7 @@ _NOTHING = np.zeros((0, 7))
 
 
 class CycleRecorder:
-    """Takes the moments of a cycle; see `sim.maintenance.play.play_cycle`.
-
-    Args:
-        at: Where the table and the ladder stand.
-    """
+    """Takes the moments of a cycle; see `sim.maintenance.play.play_cycle`."""
 
     def __init__(self, at: WorkPlace = BESIDE_PANDA) -> None:
         """Hold nothing yet."""
@@ -37,11 +33,7 @@ class CycleRecorder:
         self._parts[-1].add(moment)
 
     def record(self) -> RunRecord:
-        """Return the recording of all hand-overs, one after the other.
-
-        Raises:
-            BadInput: There is no moment yet.
-        """
+        """Return the recording of all hand-overs, one after the other."""
         if not self._parts:
             raise BadInput("no frame was run, so there is nothing to record")
         parts = [part.record() for part in self._parts]
@@ -76,11 +68,7 @@ def parts_of(record: RunRecord) -> list[RunRecord]:
 
 
 def is_same_again(record: RunRecord, setups: tuple[ToolSetup, ...]) -> bool:
-    """Play a recorded cycle again; return whether it is the same, byte by byte.
-
-    Raises:
-        BadRecord: The map or the reach map is another one.
-    """
+    """Play a recorded cycle again; return whether it is the same, byte by byte."""
     for k, part in enumerate(parts_of(record)):
         if not same(part, *play_again(part, setups[k // len(DIRECTIONS)])):
             return False

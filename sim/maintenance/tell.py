@@ -21,14 +21,11 @@ from sim.maintenance.cases import (
 from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
 from sim.maintenance.record import CycleRecorder
 from sim.people.whole_person import BASE_HEIGHT
-from sim.record import write_record
-from sim.record.run_record import RunRecord
-from sim.story.cases import StorySetup, slow_to_stop
+from sim.story.cases import slow_to_stop
 from sim.story.play import StoryMoment, StoryPlay
 from sim.story.rehearsal import rehearse
 from sim.story.request import PANDA, DemoRequest
-from sim.story.tell import figures_of, filmed, line_of, wrist_of
-from sim.story.wrist import Wrist
+from sim.story.tell import figures_of, line_of, wrist_of, written
 from sim.tables.header import header
 from sim.terminal.progress import Bars
 
@@ -57,16 +54,8 @@ class LadderFilm(FilmSettings):
 def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dict:
     """Play cycles, print what happened, and write what was asked for of the first.
 
-    Args:
-        request: What was asked for.
-        cell_map: The map, of a robot with fingers.
-        reach: Its reach map.
-
-    Returns:
-        Plain data: what came of each, times, figures, files.
-
-    Raises:
-        BadInput: The robot has no fingers, or no ladder is in its reach.
+    Returns plain data: what came of each, times, figures, files. BadInput for a robot
+    without fingers, or without a ladder in its reach.
     """
     quiet = request.json == "-"
     say: Callable[[str], None] = (lambda text: None) if quiet else print
@@ -84,7 +73,9 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
         say(summary_of(result))
         if recorder is not None:
             record = recorder.record()
-            files += _written(request, record, cell_map, at)
+            film = request.film or request.out / FILM
+            look = LadderFilm(base_height=at.base_height)
+            files += written(record, cell_map, request.record, film, look)
             for file in files:
                 say(str(file))
         cycles.append(figures_of_cycle(result))
@@ -111,7 +102,7 @@ def _played(
         f"seed {seed}: the ladder stands at {case.distance:.2f} m, "
         f"{np.degrees(case.bearing):.0f} deg, the person is {case.height:.2f} m tall"
     )
-    cycle = MaintenancePlay(setups, case, _wrist)
+    cycle = MaintenancePlay(setups, case, lambda setup: wrist_of(setup)[0])
     told = 0
 
     def hear(run: StoryPlay, moment: StoryMoment) -> None:
@@ -131,22 +122,6 @@ def _played(
             return play_cycle(cycle, hear)
     finally:
         cycle.close()
-
-
-def _wrist(setup: StorySetup) -> Wrist:
-    return wrist_of(setup)[0]
-
-
-def _written(
-    request: DemoRequest, record: RunRecord, cell_map: CellMap, at: WorkPlace
-) -> list[Path]:
-    """Write the recording where it was asked for, and the film."""
-    files = []
-    if request.record is not None:
-        files.append(write_record(record, request.record))
-    look = LadderFilm(base_height=at.base_height)
-    files.append(filmed(record, cell_map, request.film or request.out / FILM, look))
-    return files
 
 
 def summary_of(result: CycleResult) -> str:

@@ -14,7 +14,7 @@ from handover.human.anthropometry import (
 )
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import pose_of, rotation_rpy
+from roadmap.transforms import moved_points, pose_of, rotation_rpy
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -76,16 +76,12 @@ class HumanArm:
         return float(self.lengths[0] + self.lengths[1] - self.radii[1])
 
     def capsules(self, T_base_shoulder: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """Return the arm as closed capsules.
+        """Return upper arm and forearm as closed capsules (2, 7) a, b, radius [m].
 
-        Args:
-            T_base_shoulder: (4, 4) pose of the shoulder frame in the robot's base.
-            angles: (4,) flexion (arm forward), abduction (to the left), rotation
-                about the upper arm, elbow flexion [rad].
-
-        Returns:
-            (2, 7) ends of the axis a, b and radius, of upper arm and forearm [m].
-            The round end of the second one touches the finger tips from inside.
+        `T_base_shoulder` (4, 4) is the shoulder frame in the robot's base; `angles`
+        (4,) are flexion (arm forward), abduction (to the left), rotation about the
+        upper arm and elbow flexion [rad]. The second one's round end touches the finger
+        tips from inside.
         """
         flexion, abduction, rotation, elbow = np.asarray(angles, float)
         R = rotation_rpy(abduction, -flexion, 0.0) @ rotation_rpy(0.0, 0.0, rotation)
@@ -95,7 +91,7 @@ class HumanArm:
         fore = (self.lengths[1] - self.radii[1]) * (bent @ _DOWN)
         joints = np.zeros((3, 3))
         joints[1], joints[2] = upper, upper + fore
-        joints = joints @ T[:3, :3].T + T[:3, 3]
+        joints = moved_points(joints, T)
         found = np.empty((2, 7))
         found[:, :3], found[:, 3:6], found[:, 6] = joints[:-1], joints[1:], self.radii
         return found

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from sim.people.arm import HumanArm, facing_robot
 
 SHOULDER = (0.85, 0.15, 0.50)  # p_base_shoulder of a right arm reaching to the robot
@@ -77,7 +77,7 @@ class ScriptedMotion:
     def __post_init__(self) -> None:
         """Note when each leg ends."""
         times = [leg.duration + leg.rest for leg in self.legs]
-        object.__setattr__(self, "tremble", frozen(self.tremble, np.float64))
+        freeze(self, tremble=float)
         object.__setattr__(self, "_ends", frozen(np.cumsum(times), np.float64))
 
     @property

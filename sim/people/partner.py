@@ -8,16 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handover.human.body import LEG_LABELS, Part
+from handover.human.body import ARM_LABELS, LEG_LABELS
 from handover.human.human import Human
 from handover.meet.held_object import HeldObject
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from sim.people.arm_path import minimum_jerk
 
-ARMS = {
-    "right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM, Part.RIGHT_UPPER_ARM),
-    "left": (Part.LEFT_HAND, Part.LEFT_FOREARM, Part.LEFT_UPPER_ARM),
-}
 SLOWEST = 0.25  # [s] no reach is quicker
 _TRIES = 0.15  # [s] between two attempts to find joints for a grasp
 _MOVED = 0.04  # [m] the hand's aim is chosen anew when the object has moved by this
@@ -385,7 +381,7 @@ class Partner:
     def _arm_at(self, q: np.ndarray) -> np.ndarray:
         """Return (k, 7) the capsules of the arm at q (7,) [m]."""
         there = self.body.with_arm(self.side, q)
-        return there.capsules()[np.isin(there.labels, ARMS[self.side])]
+        return there.capsules()[np.isin(there.labels, ARM_LABELS[self.side])]
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

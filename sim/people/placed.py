@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.transforms import rotation_rpy
 from sim.people.human_motion import HumanMotion
 
@@ -26,7 +26,7 @@ class Placed:
 
     def __post_init__(self) -> None:
         """Freeze the offset."""
-        object.__setattr__(self, "offset", frozen(self.offset, np.float64))
+        freeze(self, offset=float)
 
     @property
     def name(self) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from handover.plans.limb import AgentModel, Part, agent_model
 from roadmap.errors import BadInput
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import moved_points, rotation_rpy
 
 REACH = "approach"  # the motion that brings the receiver's hand to the object
 _TURN = np.radians(1.0) / 0.01  # [rad/m] that it is turned where it stands elsewhere
@@ -74,7 +74,7 @@ class PlannedReceiver:
         joints = self._joints | dict(zip(self._names, row.tolist(), strict=True))
         frames = self._model.frames(joints)[self._body]
         R = self._T[:3, :3] @ frames[:, :9].reshape(-1, 3, 3)
-        p = frames[:, 9:] @ self._T[:3, :3].T + self._T[:3, 3]
+        p = moved_points(frames[:, 9:], self._T)
         ends = [(R @ x[:, :, None])[:, :, 0] + p for x in (self._a, self._b)]
         return np.hstack([*ends, self._radius[:, None]])
 
@@ -92,11 +92,7 @@ class PlannedReceiver:
 
 
 def motion_of(record: Mapping, who: str, name: str) -> Mapping:
-    """Return a motion of a plan's record.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
+    """Return a motion of a plan's record, of an agent, by name."""
     for motion in record["motions"]:
         if (motion["who"], motion["name"]) == (who, name):
             return motion
@@ -110,11 +106,8 @@ def motion_of(record: Mapping, who: str, name: str) -> Mapping:
 def elsewhere(T_world_base: np.ndarray, aside: float, seed: int) -> np.ndarray:
     """Return where somebody stands who is drawn elsewhere, (4, 4) [m].
 
-    Args:
-        T_world_base: (4, 4) where they are to stand [m].
-        aside: They are moved by up to so much along x and y [m], and turned by up to a
-            degree for each centimetre of that.
-        seed: Same seed, same place.
+    They are moved by up to `aside` along x and y [m], and turned by up to a degree for
+    each centimetre of that.
     """
     x, y, turn = np.random.default_rng(seed).uniform(-aside, aside, 3)
     T = np.array(T_world_base, float)

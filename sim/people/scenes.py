@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.people.arm import HumanArm
@@ -44,8 +44,7 @@ class Cover:
     radii: np.ndarray
 
     def __post_init__(self) -> None:
-        for name in ("centers", "radii"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
+        freeze(self, centers=float, radii=float)
 
     @classmethod
     def of(cls, robot: Robot, q: np.ndarray) -> "Cover":
@@ -151,11 +150,8 @@ class Cue:
 def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
     """Return an arm that begins at a place and then follows its cues, over and over.
 
-    Args:
-        name: Of the motion.
-        stand: Where the person stands.
-        begin: Place of the hand at first, outward from the tool [m].
-        cues: What it does; the last rest lasts until the round is over.
+    The hand begins at `begin`, outward from the tool [m]; the last rest lasts until the
+    round is over.
     """
     fastest = max(cue.speed for cue in cues)
     limit = min(fastest, stand.person.max_speed or fastest)
@@ -273,15 +269,10 @@ for _name in SCENES:
 def before_work_places(
     motion: HumanMotion, robot: Robot, places: np.ndarray
 ) -> HumanMotion:
-    """Return a scripted motion with the person moved along with the work places.
+    """Return a motion with the person moved along with the work places (n, dof).
 
-    A scene is staged before them. Other motions (recorded ones,
-    keys) stand where they were told to.
-
-    Args:
-        motion: The person.
-        robot: The robot.
-        places: (n, dof) its work places.
+    A scene is staged before them. Other motions, such as recorded ones and keys, stand
+    where they were told to.
     """
     if isinstance(motion, Scene):
         return motion.before(robot, places)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover import Human, human_from_joints
-from handover.human.body import Part, joint_places
+from handover.human.body import ARM_LABELS, joint_places
 from handover.human.fit import arm_joints
 from roadmap.errors import BadInput
 from sim.people.arm import HumanArm, facing_robot
@@ -186,12 +186,8 @@ class RecordedPerson:
     @property
     def sides(self) -> tuple[str, ...]:
         """The sides whose arm is in the recording."""
-        hands = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
-        return tuple(s for s, part in hands.items() if part in self.motion.labels)
-
-    def capsules(self, t: float) -> np.ndarray:
-        """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        return self.motion.capsules(t)
+        arms = ARM_LABELS.items()
+        return tuple(side for side, arm in arms if arm[0] in self.motion.labels)
 
     def human(self, t: float) -> Human:
         """Return the person at time `t` [s], in the frame of the robot's base."""

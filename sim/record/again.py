@@ -1,6 +1,5 @@
 """A recorded run, run again: the same person, places and settings."""
 
-from collections.abc import Callable
 from dataclasses import fields
 from shlex import quote
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
 from odm.cell_map.recipe import recipe_of_map
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
@@ -17,16 +17,11 @@ from sim.record.recorder import Recorder
 from sim.record.run_record import NOBODY, RunRecord
 from sim.record.standing import set_up
 
-Progress = Callable[[str, int, int], None]
 
-
-class RecordedPerson:
+class ReplayedPerson:
     """The person of a recording, frame by frame, as a `HumanMotion`.
 
     Where the recording tells what was seen from what was guessed, it has `guess` too.
-
-    Args:
-        record: The recording.
     """
 
     def __init__(self, record: RunRecord) -> None:
@@ -42,11 +37,7 @@ class RecordedPerson:
         return self.record.person("capsules", self.frame_at(t))
 
     def frame_at(self, t: float) -> int:
-        """Return the number of the frame at time `t` [s].
-
-        Raises:
-            BadInput: There is none.
-        """
+        """Return the number of the frame at time `t` [s]."""
         frame = round(t * self.record.rate_hz)
         if not 0 <= frame < self.record.frames:
             last = self.record.arrays["time_s"][-1]
@@ -60,16 +51,7 @@ class RecordedPerson:
 def run_again(
     record: RunRecord, cell_map: CellMap, progress: Progress | None = None
 ) -> RunRecord:
-    """Run a recorded run again, and return the recording of that.
-
-    Args:
-        record: The recording.
-        cell_map: Its map; see `check_map`.
-        progress: Called with (stage, done, total).
-
-    Raises:
-        BadRecord: The map is another one, or a setting is unknown here.
-    """
+    """Run a recorded run again on its map, and return the recording of that."""
     check_map(record, cell_map)
     return recorded_again(record, Recorder(_loop(record, cell_map), cell_map), progress)
 
@@ -77,13 +59,7 @@ def run_again(
 def recorded_again(
     record: RunRecord, recorder: Recorder, progress: Progress | None = None
 ) -> RunRecord:
-    """Run the loop of a recorder for as many frames as a recording has.
-
-    Args:
-        record: The recording.
-        recorder: Of a loop that was not begun.
-        progress: Called with (stage, done, total).
-    """
+    """Run the loop of a recorder, not begun, for as many frames as a recording has."""
     for i in range(1, record.frames + 1):
         recorder.add(recorder.loop.frame())
         if progress is not None and (i % 50 == 0 or i == record.frames):
@@ -92,11 +68,7 @@ def recorded_again(
 
 
 def planner_of(record: RunRecord, cell_map: CellMap) -> ReactivePlanner:
-    """Return the planner of a recording: its settings, its hand, what stands around.
-
-    Raises:
-        BadRecord: A setting is unknown here, or an object is none.
-    """
+    """Return the planner of a recording: its settings, its hand, what stands around."""
     told = record.head["planner"]
     settings = known(PlannerSettings, told["settings"])
     planner = ReactivePlanner(cell_map, told["always_replan"], settings)
@@ -109,16 +81,9 @@ def planner_of(record: RunRecord, cell_map: CellMap) -> ReactivePlanner:
 def check_map(
     record: RunRecord, cell_map: CellMap, path: object = "FILE", folder: object = ""
 ) -> None:
-    """Refuse another map than the recorded one.
+    """Refuse another map than the recorded one; tell how to build the right one.
 
-    Args:
-        record: The recording.
-        cell_map: The map.
-        path: Where the recording lies, for the sentence.
-        folder: Where the map lies, for the sentence.
-
-    Raises:
-        BadRecord: The hashes differ; names both and tells how to build the right one.
+    `path` and `folder`, of recording and map, are named in the sentence.
     """
     wanted = record.head["map"]
     if cell_map.hash == wanted["hash"]:
@@ -132,11 +97,7 @@ def check_map(
 
 
 def check_built(record: RunRecord, cell_map: CellMap, folder: object) -> None:
-    """Refuse a map built from a recording that is not the recorded one.
-
-    Raises:
-        BadRecord: This version builds another map from the same recipe.
-    """
+    """Refuse a map built from a recording where this version builds another one."""
     wanted, written = record.head["map"]["hash"], record.head["versions"]
     if cell_map.hash != wanted:
         raise BadRecord(
@@ -162,13 +123,7 @@ def robot_of(record: RunRecord) -> Robot:
 def build_again(
     record: RunRecord, threads: int = 0, progress: Progress | None = None
 ) -> CellMap:
-    """Return the map of a recording, built anew; it has a hash once it was saved.
-
-    Args:
-        record: The recording.
-        threads: Worker threads; 0 means one per core.
-        progress: Called with (stage, done, total).
-    """
+    """Return the map of a recording, built anew; it has a hash once it was saved."""
     return build_map(recipe_of(record), threads, progress, robot_of(record))
 
 
@@ -181,17 +136,13 @@ def _loop(record: RunRecord, cell_map: CellMap) -> Loop:
         planner,
         robot,
         record.arrays["places"],
-        None if nobody else RecordedPerson(record),
+        None if nobody else ReplayedPerson(record),
         known(LoopSettings, head["settings"]),
     )
 
 
 def known(kind: type, table: dict) -> object:
-    """Return settings of a kind from a recording.
-
-    Raises:
-        BadRecord: One of them is unknown here.
-    """
+    """Return settings of a kind from a recording; none may be unknown here."""
     unknown = sorted(set(table) - {f.name for f in fields(kind)})
     if unknown:
         raise BadRecord(

@@ -23,11 +23,7 @@ _START = (1980, 1, 1, 0, 0, 0)  # the earliest time an archive can name
 
 
 def write_record(record: RunRecord, path: str | Path) -> Path:
-    """Write a recording whole or not at all; an old file is replaced.
-
-    Raises:
-        BadRecord: The disk is full, or the folder takes no file.
-    """
+    """Write a recording whole or not at all; an old file is replaced."""
     try:
         return write_whole(path, lambda stream: _write(record, stream))
     except OSError as error:

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from handover.human.body import SIDES
 from handover.human.human import Human
-from handover.human.human_arm import SIDES
 from handover.human.skeleton import Skeleton
 from handover.meet.held_object import HeldObject
 
@@ -54,14 +54,7 @@ def people_arrays(humans: list[Human], prefix: str) -> dict[str, np.ndarray]:
 def person_at(
     person: Human, arrays: dict[str, np.ndarray], prefix: str, i: int
 ) -> Human:
-    """Return the person of frame i.
-
-    Args:
-        person: Of `person_of`.
-        arrays: Of the recording, with those of `people_arrays`.
-        prefix: As there.
-        i: Number of the frame.
-    """
+    """Return the person of frame i, from `person_of` and `people_arrays`."""
     own = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
     gaze, body = own["gaze"][i], {}
     if "body.height" in own:

@@ -38,11 +38,7 @@ _ROWS = 512  # of one block
 
 
 class Column:
-    """One value of every frame, as arrays of one type.
-
-    Args:
-        dtype: Type of the numbers.
-    """
+    """One value of every frame, as arrays of one type."""
 
     def __init__(self, dtype: type) -> None:
         """Hold nothing yet."""
@@ -171,11 +167,7 @@ class Recorder:
         self._held += 1
 
     def record(self) -> RunRecord:
-        """Return what was taken so far.
-
-        Raises:
-            BadInput: There is no frame yet.
-        """
+        """Return what was taken so far, at least one frame."""
         n, loop = self.frames, self.loop
         if n == 0:
             raise BadInput("no frame was run, so there is nothing to record")
@@ -283,10 +275,7 @@ def common_head(cell_map: CellMap, paces: Sequence[str]) -> dict:
 def sealed(head: dict, arrays: dict[str, np.ndarray], robot: Robot) -> RunRecord:
     """Return a recording with the robot's arrays and its fingerprint.
 
-    Args:
-        head: With an "outcome", where the fingerprint is written.
-        arrays: Of the frames, by name; the robot's are added.
-        robot: The robot.
+    The latter is written to "outcome" of the head.
     """
     arrays |= {f"robot.{k}": np.array(a) for k, a in robot.arrays().items()}
     made = RunRecord(head, arrays)
@@ -303,11 +292,7 @@ def versions() -> dict[str, str]:
 
 
 def check_recording_path(path: Path) -> None:
-    """Refuse a file that could not be written, before any work.
-
-    Raises:
-        BadInput: It does not end in .npz, is a folder, or its folder takes no file.
-    """
+    """Refuse a file that is no .npz or could not be written, before any work."""
     if path.suffix != ".npz":
         raise BadInput(f"the recording {path} does not end in .npz; name it RUN.npz")
     if path.is_dir():
@@ -329,13 +314,8 @@ def recording(
 ) -> Iterator[Recorder | None]:
     """Yield a recorder; what it took is written at the end, Ctrl-C or an error too.
 
-    Where it went is told on stderr, for one who interrupts reads no summary.
-
-    Args:
-        path: The file; None yields None, and nothing is recorded.
-        loop: The loop; not begun.
-        cell_map: The planner's map.
-        beside: What else is recorded; None: nothing.
+    Where it went is told on stderr, for one who interrupts reads no summary. Without a
+    path it yields None. The loop was not begun; `beside` is what else is recorded.
     """
     if path is None:
         yield None

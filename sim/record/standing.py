@@ -13,11 +13,7 @@ _KINDS = {kind.__name__: kind for kind in (Box, Capsule, Cylinder, Mesh, Sphere)
 
 
 def scene_rows(planner: ReactivePlanner) -> list[dict]:
-    """Return the objects of a planner's scene as plain data.
-
-    Raises:
-        BadInput: One of them is a surface of points, which no recording holds.
-    """
+    """Return the objects of a planner's scene as plain data; points are refused."""
     rows = []
     for name in planner.scene:
         thing = planner.scene[name]
@@ -38,11 +34,7 @@ def scene_rows(planner: ReactivePlanner) -> list[dict]:
 
 
 def set_up(planner: ReactivePlanner, rows: list[dict], path: object = "FILE") -> None:
-    """Let the recorded objects stand around a planner's robot.
-
-    Raises:
-        BadRecord: They are no objects.
-    """
+    """Let the recorded objects stand around a planner's robot."""
     for row in rows:
         name, shapes, pose = shapes_of(row, path)
         try:
@@ -53,11 +45,7 @@ def set_up(planner: ReactivePlanner, rows: list[dict], path: object = "FILE") ->
 
 
 def shapes_of(row: dict, path: object = "FILE") -> tuple[str, list, np.ndarray]:
-    """Return name, shapes in the object's frame and (4, 4) pose of a recorded object.
-
-    Raises:
-        BadRecord: It is none.
-    """
+    """Return name, shapes and (4, 4) pose of a recorded object."""
     try:
         shapes = [
             _KINDS[part["kind"]](**{k: v for k, v in part.items() if k != "kind"})

@@ -43,12 +43,9 @@ def chunk_folder(target: Path, shared: Path | None = None) -> Path:
 def begin_ahead(place: Place, loads: str) -> None:
     """Start the process that workers made here are forked from.
 
-    It loads what they need while this process still loads its own modules, so call
-    this first; it does nothing where none are made, and nothing a second time.
-
-    Args:
-        place: Where chunks are done.
-        loads: Module that the chunks need.
+    It loads the module `loads` that their chunks need while this process still loads
+    its own, so call this first; it does nothing where no workers are made, and nothing
+    a second time.
     """
     if not place.workers or find_spec("distributed") is None:
         return
@@ -72,13 +69,8 @@ def crew(
 ) -> Iterator["Workers"]:
     """Yield who does the chunks; they are kept beside `target` until it is there.
 
-    Those of threads go, too, where somebody presses Ctrl-C.
-
-    Args:
-        target: What is built.
-        threads: Of this process, where there is no cluster; 0: one per core.
-        place: Where they are done.
-        loads: Module that the chunks need; processes load it ahead.
+    Threads (0: one per core) where there is no cluster; their chunks go where somebody
+    presses Ctrl-C. Processes load the module `loads` ahead.
 
     Raises:
         BadInput: Two clusters are asked for, or a shared folder without one.

@@ -49,16 +49,7 @@ def run_demo(
 ) -> DemoFiles:
     """Run the loop with and without a person, print the tables, write the pictures.
 
-    Args:
-        map_dir: Folder of a built map.
-        out_dir: Folder for the pictures; made if it is not there.
-        motion: Name of the human motion.
-        settings: Rate, duration, seed.
-        film: Size and length of the animation.
-        console: Where to print; the terminal if None.
-
-    Returns:
-        The files written and both runs.
+    The folder `out_dir` is made if it is not there. Returns the files and both runs.
     """
     console = console or Console()
     out = Path(out_dir)
@@ -93,11 +84,7 @@ def run_pair(
 ) -> tuple[RunResult, RunResult]:
     """Return a run with a person, and the same one without.
 
-    Args:
-        planner: The planner; its path in use is forgotten first.
-        places: (n, dof) work places.
-        motion: The human motion; for a name, its seed is that of the settings.
-        settings: Rate, duration, seed.
+    The path in use is forgotten first; a motion's name is seeded by the settings.
     """
     if isinstance(motion, str):
         motion = make_motion(motion, settings.seed)

@@ -13,11 +13,7 @@ GRASPS = MAPS / "grasps"
 
 
 def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
-    """Refuse to replace what would be lost, before any work.
-
-    Raises:
-        BuildRefused: The folder holds something else, or the map of another recipe.
-    """
+    """Refuse to replace another map or folder, before any work."""
     from odm.cell_map.recipe import recipe_of_map
     from roadmap.errors import BuildRefused, PlanningError
     from roadmap.store import read_folder
@@ -41,20 +37,12 @@ def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
 
 
 def check_reach_folder(target: Path) -> None:
-    """Refuse to replace what is no reach map, before any work.
-
-    Raises:
-        BuildRefused: The folder holds something else.
-    """
+    """Refuse to replace what is no reach map, before any work."""
     _check_kind(target, "reach map")
 
 
 def check_grasp_folder(target: Path) -> None:
-    """Refuse to replace what is no grasp set, before any work.
-
-    Raises:
-        BuildRefused: The folder holds something else.
-    """
+    """Refuse to replace what is no grasp set, before any work."""
     _check_kind(target, "grasp set")
 
 

@@ -7,28 +7,22 @@ import numpy as np
 
 from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
-from roadmap.unfinished import beside
 from sim.draw.scene_picture import agent_triangles
-from sim.draw.style import AMBER, INK, TEAL
+from sim.draw.style import AMBER, BLUE, INK, TEAL, WOOD
 from sim.draw.surroundings import add_shaded, all_triangles, show_box
 from sim.run.played_plan import PlayedPlan
+from sim.terminal.output import write_whole
 
 _FRAMES, _FPS = 60, 10
-_COLOURS = TEAL, "#4a7fb5", "#d8cdbd", AMBER
+_COLOURS = TEAL, BLUE, WOOD, AMBER
 
 
 def write_handover_film(
     scene: Scene | PlayedPlan, record: Mapping, path: str | Path
 ) -> Path:
-    """Write a GIF of a plan, evenly sampled over its duration.
+    """Write a GIF of a plan, evenly sampled over its duration, whole or not at all.
 
-    Args:
-        scene: The scene, or the plan's own file as it was read.
-        record: The plan, see `handover.scenes.plan_file`.
-        path: File to write, whole or not at all.
-
-    Returns:
-        The path written.
+    `scene` may be the plan's own file as it was read.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -58,15 +52,9 @@ def write_handover_film(
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
         pictures.append(picture.quantize(64))
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with beside(path) as made:
-        pictures[0].save(
-            made, format="GIF", save_all=True, append_images=pictures[1:],
-            duration=1000 // _FPS, loop=0,
-        )  # fmt: skip
-        made.replace(path)
-    return path
+    options = {"save_all": True, "append_images": pictures[1:], "loop": 0}
+    options["duration"] = 1000 // _FPS
+    return write_whole(path, lambda made: pictures[0].save(made, "GIF", **options))
 
 
 def _doing(record: Mapping, t: float) -> str:

@@ -21,15 +21,7 @@ WIDTH_PX = 1600  # more frames than this are drawn as the worst of each column
 
 
 def write_latency_plot(result: RunResult, path: str | Path) -> Path:
-    """Draw latency per frame, its distribution, and separation and holds below.
-
-    Args:
-        result: The run.
-        path: PNG file to write.
-
-    Returns:
-        The path written.
-    """
+    """Draw latency per frame, its distribution, separation and holds: a PNG."""
     figure = new_figure(11.5, 6.2)
     options = {"width_ratios": [4.2, 1], "height_ratios": [1.1, 1]}
     axes = figure.subplots(2, 2, gridspec_kw=options)

@@ -27,6 +27,7 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
@@ -47,7 +48,6 @@ from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
     Live,
-    Progress,
     find_places,
     person_of,
     set_up_scene,
@@ -97,7 +97,7 @@ class MeetSetup:
     scene: Path | None = None
 
     def planner(self) -> ReactivePlanner:
-        """Return a planner of the map that heeds the scene."""
+        """Return a planner of the map that knows the scene."""
         planner = ReactivePlanner(self.cell_map, settings=PLANNER)
         set_up_scene(planner, self.scene)
         return planner
@@ -149,11 +149,7 @@ class MeetTask:
         self.verdicts: list[Verdict] = []
 
     def person(self) -> WholePerson | RecordedPerson:
-        """Return the whole person.
-
-        Raises:
-            BadInput: A wrong name or file, or a hand that it does not move.
-        """
+        """Return the whole person, checked."""
         asked = self.request
         if self.live is not None:
             near = float(np.mean(asked.distances))
@@ -177,11 +173,7 @@ class MeetTask:
         return person
 
     def open(self, tell: Progress) -> None:
-        """Load the maps; build the reach map if there is none and none was named.
-
-        Raises:
-            BadMap: A named reach map that is none, or another robot's.
-        """
+        """Load the maps; build the reach map if there is none and none was named."""
         self.cell_map = load_map(self.request.map_dir)
         robot = self.cell_map.robot
         reach = reach_map_of(robot, self.request.reach, tell)

@@ -69,14 +69,9 @@ class TargetAudit:
         pursued: int | None,
         time_s: float,
     ) -> Verdict:
-        """Judge one frame.
+        """Judge one frame: person in the world, capsules in the base, q (dof,).
 
-        Args:
-            human: The person, world frame.
-            obstacles: The person's capsules, base frame.
-            q: (dof,) where the robot is.
-            pursued: Cell of the target it is at or on the way to.
-            time_s: Noted in the verdict [s].
+        `pursued` is the cell of the target it is at or on the way to.
         """
         side = self.meet.settings.side
         self.meet.update(with_arm_at_rest(human, side) if self._from_rest else human)

@@ -18,11 +18,11 @@ from handover.targets.live_targets import (
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap
+from roadmap.chunks import Progress
 from sim.loop.loop import Frame, LoopSettings
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.record.again import (
-    Progress,
-    RecordedPerson,
+    ReplayedPerson,
     check_map,
     known,
     planner_of,
@@ -46,11 +46,7 @@ PERSON = "person."  # what the arrays of the person begin with
 
 
 class TargetColumns:
-    """What is recorded beside a run to targets; see `sim.record.recorder.Beside`.
-
-    Args:
-        loop: The loop; not begun.
-    """
+    """What is recorded beside a run to targets; see `sim.record.recorder.Beside`."""
 
     format = TARGETS
 
@@ -101,12 +97,8 @@ class TargetColumns:
         }
 
 
-class RecordedPartner(RecordedPerson):
-    """The whole person of a recording, frame by frame.
-
-    Args:
-        record: The recording.
-    """
+class ReplayedWholePerson(ReplayedPerson):
+    """The whole person of a recording, frame by frame."""
 
     def __init__(self, record: RunRecord) -> None:
         """Read nothing yet."""
@@ -124,17 +116,7 @@ def targets_again(
     reach: ReachMap,
     progress: Progress | None = None,
 ) -> RunRecord:
-    """Run a recorded run to targets again, and return the recording of that.
-
-    Args:
-        record: The recording.
-        cell_map: Its map.
-        reach: Its reach map.
-        progress: Called with (stage, done, total).
-
-    Raises:
-        BadRecord: A map is another one, or a setting is unknown here.
-    """
+    """Run a recorded run to targets again, on its maps, and return the recording."""
     check_map(record, cell_map)
     told = record.head["targets"]
     if reach.hash != told["reach"]:
@@ -149,7 +131,7 @@ def targets_again(
 
 def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     head, told = record.head, record.head["targets"]
-    planner, person = planner_of(record, cell_map), RecordedPartner(record)
+    planner, person = planner_of(record, cell_map), ReplayedWholePerson(record)
     quality = known(QualitySettings, _with_rows(told["quality"]))
     settings = MeetSettings(side=told["side"], quality=quality)
     obj, someone = held_of(told["held"]), person.human(0.0)

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from odm import CellMap, Obstacles, ReactivePlanner, load_map
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from sim.loop.carried import take_ball
@@ -27,8 +28,6 @@ from sim.terminal.progress import Bars
 
 DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 REHEARSAL_S = 3.0  # [s] simulated before time is measured
-
-Progress = Callable[[str, int, int], None]
 
 
 class Live(Protocol):
@@ -57,12 +56,7 @@ class Live(Protocol):
 class PlacesTask:
     """To and fro between two work places, perhaps with a ball in the hand.
 
-    Args:
-        request: What was asked for.
-        live: Who moves the person; None: a script or a recording.
-
-    Attributes:
-        cell_map: The map, once it was opened.
+    `live` moves the person; None: a script or a recording.
     """
 
     cell_map: CellMap
@@ -93,7 +87,7 @@ class PlacesTask:
         return Loop(self._planner, robot, self.places, person, settings)
 
     def _new_planner(self) -> tuple[ReactivePlanner, Robot]:
-        """Return a planner that heeds the scene, and the robot with what it holds."""
+        """Return a planner that knows the scene, and the robot with what it holds."""
         planner = ReactivePlanner(self.cell_map)
         robot = take_ball(planner, self.request.carry)
         set_up_scene(planner, self.request.scene)
@@ -118,22 +112,14 @@ class PlacesTask:
 
 
 def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:
-    """Let the objects of a scene file stand around; None: no file.
-
-    Raises:
-        BadInput: The file cannot be read.
-    """
+    """Let the objects of a scene file stand around; None: no file."""
     if path is not None:
         planner.scene.load(path)
         planner.scene.test_waiting()
 
 
 def person_of(request: RunRequest) -> HumanMotion:
-    """Return the scripted or recorded motion of a request.
-
-    Raises:
-        BadInput: A wrong name or file.
-    """
+    """Return the scripted or recorded motion of a request."""
     if request.motion != "mocap":
         return make_motion(request.motion, request.seed)
     from sim.people.mocap import MocapSettings, load_mocap

@@ -9,6 +9,7 @@ from handover.plans.limb import agent_model
 from handover.scenes.plan_file import read_plan, read_shape
 from odm import CellMap, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
+from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
@@ -16,7 +17,7 @@ from roadmap.transforms import pose_of_flat
 from sim.loop.loop import Frame, Loop, LoopSettings
 from sim.loop.run_result import RunResult
 from sim.people.receiver import PlannedReceiver, motion_of
-from sim.run.places import Live, Progress, set_up_scene, warm_up
+from sim.run.places import Live, set_up_scene, warm_up
 from sim.run.report import print_report
 from sim.run.request import RunRequest
 
@@ -41,11 +42,7 @@ class PlanTask:
     cell_map: CellMap
 
     def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        """Read the plan.
-
-        Raises:
-            BadInput: No such file, or no plan.
-        """
+        """Read the plan."""
         assert live is None and request.plan is not None
         self.request = request
         try:
@@ -112,7 +109,7 @@ class PlanTask:
         return Loop(self._planner, robot, self.places, person, settings)
 
     def _new_planner(self) -> ReactivePlanner:
-        """Return a planner that heeds the plan's scenery, and --scene's."""
+        """Return a planner that knows the plan's scenery, and --scene's."""
         planner = ReactivePlanner(self.cell_map)
         T = np.linalg.inv(np.array(self.record["giver"]["T_world_base"]))
         for entry in self.record["scenery"]:
@@ -158,11 +155,7 @@ class PlanTask:
 
 
 def check_giver(record: Mapping, robot: Robot) -> None:
-    """Refuse the map of another robot than a plan's giver.
-
-    Raises:
-        BadInput: Joints have other names, or the tool is elsewhere at the same joints.
-    """
+    """Refuse the map of a robot with other joints or another tool than the giver's."""
     giver = record["giver"]
     joints = {k: float(v) for k, v in giver["joints"].items()}
     trouble = ""

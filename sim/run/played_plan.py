@@ -68,11 +68,7 @@ class PlayedPlan:
 
 
 def read_played(path: str | Path) -> PlayedPlan:
-    """Read a plan and the agents that it names.
-
-    Raises:
-        BadInput: No plan, a part is missing, or a URDF is not where the plan says.
-    """
+    """Read a plan and the agents that it names."""
     record = read_plan(path)
     try:
         agents = [_standing(record[who]) for who in WHO]

@@ -21,14 +21,7 @@ def print_report(
     map_hash: str = "",
     console: Console | None = None,
 ) -> None:
-    """Print all tables.
-
-    Args:
-        results: Runs with a person.
-        alone: The same run without a person, to compare the trips with.
-        map_hash: Hash of the map.
-        console: Where to print; the terminal if None.
-    """
+    """Print all tables; `alone` is a run without a person, to compare trips."""
     tables = [safety_table(results, alone)]
     if any(result.holds for result in results):
         tables.append(hold_table(results))

@@ -284,11 +284,7 @@ class RunRequest:
 
 
 def check_object(name: str) -> None:
-    """Refuse the name of no object.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
+    """Refuse the name of no object."""
     from roadmap.errors import BadInput
 
     if name not in OBJECTS:
@@ -296,11 +292,7 @@ def check_object(name: str) -> None:
 
 
 def held_object(name: str) -> "HeldObject":
-    """Return the object of a name.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
+    """Return the object of a name."""
     import handover
 
     check_object(name)
@@ -318,11 +310,7 @@ def file_trouble(file: Path | None, mapping: Path | None) -> str:
 def page_trouble(
     view: bool, port: int | None, host: str | None, token: str | None
 ) -> str:
-    """Return what is wrong with a page's options, "" for nothing.
-
-    Raises:
-        PlanningError: There is no viewer, or the port is taken.
-    """
+    """Return what is wrong with a page's options, "" for nothing."""
     if view:
         from sim.view.gate import LOCAL, PORT, listening
         from sim.view.viewer import check_viewer

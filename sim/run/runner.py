@@ -35,17 +35,9 @@ WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 def run(request: RunRequest, live: Live | None = None) -> dict:
     """Run what was asked for; print the tables unless it is to be quiet.
 
-    Args:
-        request: What was asked for.
-        live: Who moves the person of `--motion keyboard`; see `sim.keyboard`.
-
-    Returns:
-        The figures as plain data: "run", "alone", "targets" or "plan", "notes",
-        "setting", "map_hash"; of a live run, see `Live.figures`.
-
-    Raises:
-        BadInput: A person, plan, rate, time or recording that cannot be.
-        BadMap: There is no map.
+    `live` moves the person of `--motion keyboard`; see `sim.keyboard`. Returns the
+    figures as plain data: "run", "alone", "targets" or "plan", "notes", "setting",
+    "map_hash"; of a live run, see `Live.figures`.
     """
     task = task_of(request, live)
     person = task.person()
@@ -123,11 +115,7 @@ def watched(
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:
-    """Return rate, duration and speeds; by default a recording is played once.
-
-    Raises:
-        BadInput: A value that makes no loop.
-    """
+    """Return rate, duration and speeds; by default a recording is played once."""
     seconds = request.seconds
     if seconds is None:
         seconds = getattr(person, "duration_s", DEMO.duration_s)
@@ -187,7 +175,7 @@ def slow_stop(robot: Robot, scale: float, period: float) -> list[str]:
         period: Time between frames [s].
     """
     time = stop_time(robot, scale, period)
-    comes = ThreatSettings().strays(time, period)
+    comes = ThreatSettings().displacement_bound(time, period)
     return [
         f"by its limits of acceleration and jerk a stop takes it {1e3 * time:.0f} ms, "
         f"in which a person may come {100 * comes:.0f} cm: near people it is slow. "

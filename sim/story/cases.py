@@ -135,12 +135,9 @@ def story_wrench() -> HeldObject:
 
 
 def upright(obj: HeldObject, xy: Sequence[float], table: float = 0.0) -> np.ndarray:
-    """Return (4, 4) where a wrench stands upright in a holder, base frame [m].
+    """Return (4, 4) where a wrench stands upright in a holder at `xy`, base frame [m].
 
-    Args:
-        obj: The wrench.
-        xy: Where, base frame [m].
-        table: How high the table is, base frame [m].
+    `table` is how high it stands, base frame [m].
     """
     low = float((obj.capsules[:, [0, 3]] + obj.capsules[:, 6:7]).max())
     T = pose_of((*xy, table + low + 0.01), (0.0, 0.5 * np.pi, 0.0))
@@ -216,10 +213,7 @@ class StorySetup:
     ) -> LiveTargets:
         """Return a live thread that knows nothing yet.
 
-        Args:
-            planner: The planner.
-            human: The person at the beginning.
-            threat: What is assumed of them in the story; None: as by default.
+        `threat` is what is assumed of the person in the story; None: as by default.
         """
         comes = _comes(planner.robot, threat)[1]
         spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
@@ -284,18 +278,10 @@ def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
 def rest_of(planner: ReactivePlanner, index: NodeIndex, obj: HeldObject) -> np.ndarray:
     """Return (dof,) a node at which the robot waits with the object in its hand.
 
-    There it is as compact as can be: nothing of it, the object included, is far out to
-    where people stand, and the joints are near the middles of their ranges. It is clear
-    of all that stands about with the object held by any of its grasps: as it is given
-    back, nobody knows before.
-
-    Args:
-        planner: Knows what stands about; nothing is in its hand.
-        index: Nodes of its roadmap.
-        obj: What is held.
-
-    Raises:
-        BadInput: At no node is it free with the object.
+    It is compact there: nothing of it, the object included, is far out to where people
+    stand, and the joints are near the middles of their ranges. It is free with the
+    object held by any of its grasps, since nobody knows how it is given back. The hand
+    of the planner is empty.
     """
     robot = planner.robot
     thing = carried_object(box_of(obj))
@@ -335,10 +321,8 @@ def place_in_reach(setup: StorySetup) -> np.ndarray | None:
             planner = replace(setup, T_place=T).planner()
             beside = grasps, BACK, None, obj.capsules, room, None, AT_PLACE
             reaches = Reaches(planner, setup.index, *beside)
-            reaches.begin(T, setup.rest)
-            while not reaches.over and not reaches.found:
-                reaches.work()
-            if any(_is_clear(planner, thing, reach) for reach in reaches.found):
+            found = reaches.first(T, setup.rest)
+            if any(_is_clear(planner, thing, reach) for reach in found):
                 return T
     return None
 
@@ -370,10 +354,7 @@ def other_places(setup: StorySetup) -> np.ndarray:
             near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (own, *found)]
             if min(near) < _APART or carries(scenery, obj.capsules, T) != on:
                 continue
-            reaches.begin(T, setup.rest)
-            while not reaches.over and not reaches.found:
-                reaches.work()
-            if reaches.found:
+            if reaches.first(T, setup.rest):
                 found.append(T)
                 break
     return np.array(found).reshape(-1, 4, 4)
@@ -388,15 +369,9 @@ def setup_of(
 ) -> StorySetup:
     """Return the setup of a map.
 
-    Args:
-        cell_map: The robot's map.
-        reach: Its reach map.
-        obj: What is handed over; None: a wrench, held as far out as hand and arm ask.
-        place: Whether it has its place on the table, if one is within reach.
-        pads: Links that may touch it; see `pads_of`.
-
-    Raises:
-        BadInput: The robot has no links that could be finger pads, or none of a name.
+    Without an object it is a wrench, held as far out as hand and arm ask. With `place`
+    it has its place on the table, if one is within reach. `pads` are links that may
+    touch it; see `pads_of`.
     """
     robot = cell_map.robot
     pads = pads_of(robot, pads)
@@ -421,13 +396,8 @@ def own_object(
 ) -> HeldObject:
     """Return an object of the user's as the robot of a map holds it.
 
-    Args:
-        cell_map: The robot's map.
-        pads: Links that may touch it; see `pads_of`.
-        thing: The object; see `handover.load_object`.
-
-    Raises:
-        BadInput: The gripper cannot hold it, or nothing keeps clear of it then.
+    `thing` as of `handover.load_object`, `pads` as in `pads_of`. BadInput where the
+    gripper cannot hold it, or nothing keeps clear of it.
     """
     robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
     urdf = cell_map.recipe.robot.source
@@ -449,15 +419,9 @@ def own_object(
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the links that may touch an object.
+    """Return the links that may touch an object, at least one that the tool carries.
 
-    Args:
-        robot: The robot.
-        names: Of the links; empty: those that the tool carries with "finger", "thumb"
-            or "pad" in their name, in small letters or capitals.
-
-    Raises:
-        BadInput: There are none, or one that the tool does not carry.
+    Without `names` those with "finger", "thumb" or "pad" in theirs.
     """
     own = sorted(gripper_links(robot))
     likely = (n for n in robot.link_names if any(word in n.lower() for word in _PADS))
@@ -549,8 +513,3 @@ def in_reach(
                         continue
                 return InReach(target, q)
     return None
-
-
-def with_traits(case: StoryCase, **traits: object) -> StoryCase:
-    """Return a case with some traits changed."""
-    return replace(case, traits=replace(case.traits, **traits))

@@ -1,11 +1,11 @@
-"""Where new paths had better not pass, and how the planner is told.
+"""Where new paths do not pass, if they can, and how the planner is told.
 
-Two places are told to the planner as places where somebody is about to be
+Two places are told to the planner as if somebody were about to be there
 (`ReactivePlanner.expect`): new paths keep clear of them where they can. They are costs:
 nothing is blocked or freed by them, and a person who stands badly is still served.
 
-And a robot that takes long to stop passes a person with as much room as they may cover
-in its shortest stop (`Berth`): nearer it would creep for as long as it is patient.
+A robot that takes long to stop passes a person with as much room as they may cover in
+its shortest stop (`Berth`): nearer it would creep.
 """
 
 import math
@@ -18,7 +18,7 @@ from odm.execution.stop_test import slowest_stop
 from odm.execution.threat import ThreatSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
-from sim.story.settings import ComfortSettings, ShunnedSettings
+from sim.story.settings import ComfortRodSettings, ComfortSettings
 
 QUICK = 0.005  # [m] who comes no farther meanwhile makes nobody creep
 _WIDEST = 0.10  # [m] of a berth: a sensor may be worse, but a person has to be passed
@@ -28,15 +28,15 @@ _PATIENT = 25  # ... for so many frames: the planner's search goes on over sever
 _LESS_FOR = 100  # ... until it was hindered in so many; then in twice as many
 
 
-def shunned(
+def comfort_rods(
     capsules: np.ndarray,
     labels: np.ndarray,
     hand: np.ndarray,
     gaze: np.ndarray | None,
     settings: ComfortSettings,
-    rods: ShunnedSettings = ShunnedSettings(),
+    rods: ComfortRodSettings = ComfortRodSettings(),
 ) -> np.ndarray:
-    """Return (k, 7) capsules that new paths had better keep clear of.
+    """Return (k, 7) capsules that new paths keep clear of, if they can.
 
     Args:
         capsules: (n, 7) the person [m].
@@ -68,22 +68,21 @@ def shunned(
 
 
 class Berth:
-    """Tells the planner of a person who is larger by what a slow robot had better keep.
+    """Shows the planner a larger person, from whom a slow robot keeps more distance.
 
-    All that is free beside the larger person is free beside the person. A part that the
-    robot is nearer to already is larger by what is left: a path comes no nearer to it
-    than the robot is, where there is a way. Where none leads on, it is half of that,
-    then a quarter, then nothing.
+    All that is free beside the larger person is free beside the person. A part that is
+    nearer to the robot already grows only up to the robot: a path comes no nearer to it
+    than now, where there is a way. If none is found, the growth is halved, then halved
+    again, then nothing.
 
     Args:
-        executor: Of the robot; it knows how the stops are.
+        executor: Of the robot; it knows how long its stops take.
         threat: What is assumed of the person.
 
     Attributes:
-        room: What is kept besides the clearance [m]; 0 for a robot that is quick to
-            stop.
-        clearance: What is kept by all [m].
-        told: How much larger each of the person's parts was at least, as told last [m].
+        room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly.
+        clearance: What every robot keeps [m].
+        told: The least growth of the person's parts, as told last [m].
     """
 
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
+from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, write_gif
-from sim.draw.style import AMBER, FAINT, INK, RED, TEAL
+from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
 from sim.draw.viewpoint import Camera, clearest, framed
-from sim.people.partner import ARMS
 from sim.record.run_record import RunRecord
 
 _COLOURS = {
@@ -23,12 +23,13 @@ _COLOURS = {
     "wait": AMBER,
     "release": AMBER,
     "close": AMBER,
-    "retreat": "#7050b0",
-    "put_down": "#4a7fb5",
+    "retreat": PURPLE,
+    "put_down": BLUE,
 }
 _WORDS = 0.17  # share of half the picture's height by which it is above the words
 _THING = -1  # the label of what is handed over
 _STEPS, _STEP_BACK = 12, 1.05  # of the camera, until all heads are in the picture
+_BEADS = 12  # along a capsule
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
 
 
@@ -40,19 +41,10 @@ def write_story_film(
     settings: FilmSettings | None = None,
     tell: Callable[[str, int, int], None] | None = None,
 ) -> Path:
-    """Write a recorded hand-over as an animated GIF, whole.
+    """Write a recorded hand-over as an animated GIF, whole; return its path.
 
-    Args:
-        record: The recording.
-        robot: Its robot.
-        world: A `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`.
-        path: File to write, whole or not at all.
-        settings: Size; pictures a second.
-        tell: Is told how many pictures are painted, and of how many: the stage and
-            both numbers, before each; None: nobody is.
-
-    Returns:
-        The path written.
+    `world` is a `sim.draw.world.World` or `sim.draw.cover_world.CoverWorld`. `tell` is
+    called with the stage, pictures painted and of how many, before each.
     """
     settings = settings or FilmSettings(width=560, height=420, fps=8.0, fov_deg=40.0)
     step = max(1, round(record.rate_hz / settings.fps), record.frames // _LONGEST)
@@ -74,14 +66,14 @@ def _camera(
     labels = np.full(record.arrays["capsules"].shape[1], _THING)
     known = Human().labels
     labels[: len(known)] = known
-    arm = np.isin(labels, [_THING, *ARMS[record.head["story"]["person"]["side"]]])
+    arm = np.isin(labels, [_THING, *ARM_LABELS[record.head["story"]["person"]["side"]]])
     above = ~arm & ~np.isin(labels, [Part.LEFT_LEG, Part.RIGHT_LEG])
     robots, arms, rest = [], [], []
     for i in moments:
         rows = record.arrays["capsules"][i]
         robots.append(_bodies(record, robot, i)[0])
-        arms.append(_beads(_near(rows[arm])))
-        rest.append(_beads(_near(rows[above])))
+        arms.append(beads(_near(rows[arm]), _BEADS))
+        rest.append(beads(_near(rows[above]), _BEADS))
     whole = settings.camera()
     tan = (1.0 - _WORDS) * np.tan(0.5 * np.radians(whole.fov_deg))
     above_words = replace(whole, fov_deg=float(np.degrees(2.0 * np.arctan(tan))))
@@ -152,14 +144,4 @@ def _near(capsules: np.ndarray) -> np.ndarray:
 def _bodies(record: RunRecord, robot: Robot, i: int) -> tuple[np.ndarray, np.ndarray]:
     centers = sphere_centers(robot, record.arrays["q"][i])
     balls = np.column_stack([centers, robot.spheres[:, 3]])
-    return balls, _beads(_near(record.arrays["capsules"][i]))
-
-
-def _beads(capsules: np.ndarray) -> np.ndarray:
-    """Return balls (12 k, 4) along capsules (k, 7) [m]."""
-    s = np.linspace(0.0, 1.0, 12)[:, None]
-    found = [np.zeros((0, 4))]
-    for row in capsules:
-        beads = row[:3] + s * (row[3:6] - row[:3])
-        found.append(np.column_stack([beads, np.full(12, row[6])]))
-    return np.vstack(found)
+    return balls, beads(_near(record.arrays["capsules"][i]), _BEADS)

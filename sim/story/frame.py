@@ -17,8 +17,8 @@ _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1,
 class StoryFrame:
     """What is seen and felt in one frame.
 
-    Capsules, a time or a measured q that are not finite are those of a sensor that
-    fails: the robot stops, says so, and goes on when they are finite again.
+    Capsules, a time or a q that are not finite are those of a failing sensor: the robot
+    stops, says so, and goes on when they are finite again.
 
     Attributes:
         now: Time [s], of any clock.
@@ -26,12 +26,11 @@ class StoryFrame:
         wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
         opened: Whether the fingers are open, as measured.
         holds: Whether there is something between closed fingers, as measured.
-        T_base_object: (4, 4) where the object is seen [m]; None, or not finite: not
-            seen.
-        q: (dof,) measured configuration; None: where the set-point is, or as far from
-            it as when that was known last.
-        capsules: (k, 7) the person as the planner is to see them, base frame [m];
-            None: `human.capsules()`, for a base in the world's origin.
+        T_base_object: (4, 4) where the object is seen [m]; None, or not finite: unseen.
+        q: (dof,) measured configuration; None: at the set-point, or as far from it as
+            when last measured.
+        capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
+            `human.capsules()`, for a base in the world's origin.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
 
     Raises:

@@ -18,7 +18,7 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
-from roadmap.transforms import rotation_rpy
+from roadmap.transforms import pose_with, rotation_rpy
 from sim.story.settings import GraspingSettings
 
 _GRASPING = GraspingSettings()
@@ -46,12 +46,8 @@ class Reach:
 
 def quarter_turns(T_tool_object: np.ndarray, n: int = 4) -> np.ndarray:
     """Return a grasp in n turns about the tool's z, by quarters for 4, (n, 4, 4)."""
-    turns = []
-    for k in range(n):
-        T = np.eye(4)
-        T[:3, :3] = rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k)
-        turns.append(T @ T_tool_object)
-    return np.array(turns)
+    turns = [rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k) for k in range(n)]
+    return np.array([pose_with(R) @ T_tool_object for R in turns])
 
 
 def box_of(obj: HeldObject) -> Shape:
@@ -59,9 +55,7 @@ def box_of(obj: HeldObject) -> Shape:
     ends = np.vstack([obj.capsules[:, :3], obj.capsules[:, 3:6]])
     radii = np.tile(obj.capsules[:, 6], 2)[:, None]
     low, high = (ends - radii).min(axis=0), (ends + radii).max(axis=0)
-    T = np.eye(4)
-    T[:3, 3] = 0.5 * (low + high)
-    return Box(high - low, T)
+    return Box(high - low, pose_with(np.eye(3), 0.5 * (low + high)))
 
 
 def straight_back(
@@ -79,14 +73,6 @@ def straight_back(
             if is_valid(planner, found):
                 return found
     return None
-
-
-def beads(rods: np.ndarray, n: int) -> np.ndarray:
-    """Return n balls along each of some capsules (k, 7), as (k * n, 4) [m]."""
-    s = np.linspace(0.0, 1.0, n)[:, None, None]
-    middles = rods[:, :3] + s * (rods[:, 3:6] - rods[:, :3])
-    radii = np.tile(rods[:, 6], n)[:, None]
-    return np.hstack([middles.reshape(-1, 3), radii])
 
 
 def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
@@ -174,11 +160,7 @@ def check_grasps(
     capsules: np.ndarray,
     nodes: np.ndarray,
 ) -> None:
-    """Refuse an object that a link is too near to; see `too_near`.
-
-    Raises:
-        BadInput: Some link is; it is named.
-    """
+    """Refuse an object that a link is too near to, by name; see `too_near`."""
     found = too_near(planner, grasps, capsules, nodes)
     if found is not None:
         raise BadInput(
@@ -198,15 +180,8 @@ def held_farther_out(
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 
-    Along the tool's z, by what hand and arm have to keep from it and no more; as it is
-    where `most_out` is too little.
-
-    Args:
-        planner: See `too_near`.
-        obj: What is held.
-        nodes: See `too_near`.
-        spare: More distance that is asked for [m].
-        settings: How far, and in how many steps.
+    Along the tool's z, by what hand and arm have to keep from it and `spare` [m]; as it
+    is where `most_out` is too little. Planner and nodes as in `too_near`.
     """
     T = np.array(obj.T_tool_object)
     for _ in range(settings.out_steps):
@@ -260,21 +235,19 @@ class Reaches:
     Args:
         planner: The planner; its scenery counts.
         index: Nodes of its roadmap by pose of the tool.
-        grasps: (n, 4, 4) T_tool_object of the grasps that will do.
+        grasps: (n, 4, 4) T_tool_object of the grasps that may be used.
         back: Distance before the object [m].
-        thing: The object as `odm.carried_object` makes it, if it is to be taken away
-            from there: robot and scenery must leave room for it; None: it stays.
+        thing: The object, made by `odm.carried_object`, if it is taken away from there:
+            robot and scenery must leave room for it; None: it stays.
         rods: (k, 7) the object's capsules, object frame [m]; None: none to keep from.
-        room: What the cover is to keep from those before the object, besides the
-            clearance [m]: beside an object on the brink of it the robot creeps. The
-            way back is longer where it has to be; who lacks room all the same comes
-            last.
-        on: Which solid of the scenery the object stands on: on the straight way what is
-            held may touch that one; None: nothing. It counts where there is a `thing`,
-            which the hand may hold already.
+        room: Distance beyond the clearance that the cover keeps from those before the
+            object [m], since nearer to it the robot creeps. The way back is made longer
+            for it; configurations without that room come last.
+        on: Solid of the scenery that the object stands on, which it may touch on the
+            straight way; None: nothing. It counts where there is a `thing`.
         settings: How hard.
-        first: So many of the grasps come first; the others are tried where these lead
-            nowhere. None: all of them come first.
+        first: How many of the grasps come first; the others are tried where these lead
+            nowhere. None: all.
 
     Attributes:
         found: What is known at the present pose.
@@ -340,6 +313,13 @@ class Reaches:
         self._starts, self._share = list(self._queue), 0
         self._seeds = self.settings.seeds
         self.work()
+
+    def first(self, T_base_object: np.ndarray, q: np.ndarray) -> list[Reach]:
+        """Begin anew, and look until something is found or nothing is left."""
+        self.begin(T_base_object, q)
+        while not self.over and not self.found:
+            self.work()
+        return self.found
 
     def _starts_of(
         self, grasps: range, near: list[tuple[int, np.ndarray]], q: np.ndarray
@@ -484,7 +464,7 @@ class Reaches:
         """Whether the straight way to the object is free beside the object itself.
 
         By the rules of the last phase: pads may touch it, the rest of the hand keeps 1
-        cm and the arm its clearance. Where that fails nobody could move out of the way.
+        cm and the arm its clearance.
         """
         planner = self.planner
         if self._rods is None or planner.attached is not None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS
 from handover.targets.allowance import Allowance
 from handover.targets.live_targets import THERE, LiveTargets
 from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
@@ -30,18 +30,16 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
 from roadmap.transforms import check_pose
-from sim.people.partner import ARMS
 from sim.story import machine as table
-from sim.story.comfort import Berth, shunned
+from sim.story.comfort import Berth, comfort_rods
 from sim.story.frame import StoryFrame
 from sim.story.grasping import (
     Reach,
     Reaches,
-    beads,
     box_of,
     check_grasps,
     has_room,
@@ -62,7 +60,6 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
-_HANDS = {"right": Part.RIGHT_HAND, "left": Part.LEFT_HAND}
 
 
 class Command(NamedTuple):
@@ -107,19 +104,18 @@ class Handover:
         planner: The planner; to take or let go of an object its settings name the
             `finger_pads`.
         targets: Where the person can take the object, and what it is: `targets.meet`.
-        executor: Made with `PhasePlanner(planner)`, or the planner's own: then it is
-            told here.
+        executor: Made with `PhasePlanner(planner)`.
         settings: See StorySettings.
         thing: The object's solid, object frame, a closed mesh of the user's or any
             shape of `odm`; None: a box around its capsules.
-        T_base_place: (4, 4) of the object in its place on a table: where it is fetched
-            from and put down [m]; or (n, 4, 4), its place first, then others in which
-            it is put down where that is not free; None: it is in the hand already, or
-            is kept.
+        T_base_place: (4, 4) the object in its place on a table, from where it is
+            fetched and where it is put down [m]; or (n, 4, 4) with other places behind
+            it, used when that one is not free; None: it is in the hand already, or is
+            kept.
         conduct: How frames are read, and their time is shared out.
 
     Attributes:
-        fingers: "open" or "closed": what the gripper is told.
+        fingers: "open" or "closed": the command to the gripper.
         fetches: Whether it first takes the object from its place.
         holding: Whether the object counts as being in the hand.
         answer: The last answer of the planner, or what stood for one.
@@ -338,8 +334,8 @@ class Handover:
     def _passed(self, now: float) -> float:
         """Return the time since the frame before [s], as far as it counts.
 
-        A clock that is set anew counts as one that stood: nothing is late by that. And
-        a frame that comes late cannot say that something lasted since the one before.
+        A clock that was set counts as one that stood still, so nothing is late by that;
+        and a late frame does not show that something lasted since the one before.
         """
         self._no_time = ""
         if self._now is None:
@@ -376,8 +372,8 @@ class Handover:
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not self.holding and not frame.holds
         if self.state == table.RETREAT and self._step.kind == "goal" and loose:
-            if self._has_left(obj):  # paths heed it again, too
-                self.view.phase = None
+            if self.view.phase is not None and self._is_clear_of(obj):
+                self.view.phase = None  # paths keep off it again
         classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
         if self.view.phase == "give":
             classes[hand] = CONTACT
@@ -438,10 +434,6 @@ class Handover:
                 return time
         return 0.0
 
-    def _has_left(self, obj: np.ndarray) -> bool:
-        """Whether the robot keeps its clearance from an object (k, 7) it let go of."""
-        return self.view.phase is not None and self._is_clear_of(obj)
-
     def _is_clear_of(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7)."""
         robot, planner = self.planner.static.robot, self.planner
@@ -452,8 +444,8 @@ class Handover:
         """Return which capsules are the hand, and the arm, that takes part."""
         known = self._arms
         if known is None or known[0] != labels.tobytes():
-            hand = np.flatnonzero(labels == _HANDS[self._side])
-            arm = np.flatnonzero(np.isin(labels, ARMS[self._side]))
+            hand = np.flatnonzero(labels == ARM_LABELS[self._side][0])
+            arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self._side]))
             known = self._arms = labels.tobytes(), hand, arm
         return known[1], known[2]
 
@@ -466,24 +458,17 @@ class Handover:
         if late < self.conduct.late_s and not allowance.grants(allowance.takes.tell):
             return
         threat, arm, rows, labels, hand = seen.whole
-        self._expect(threat, arm, self._shunned(frame, rows, labels, hand))
+        gaze = frame.human.gaze if frame.capsules is None else None
+        rods = comfort_rods(rows, labels, hand, gaze, self.settings.comfort)
+        self._expect(threat, arm, rods)
         self._told_at = self._now
 
-    def _shunned(
-        self, frame: StoryFrame, rows: np.ndarray, labels: np.ndarray, hand: np.ndarray
-    ) -> np.ndarray:
-        """Return (k, 7) where the person would rather not have the robot pass."""
-        gaze = frame.human.gaze if frame.capsules is None else None
-        return shunned(rows, labels, hand, gaze, self.settings.comfort)
-
-    def _expect(
-        self, threat: Threat | None, arm: np.ndarray, shunned: np.ndarray
-    ) -> None:
+    def _expect(self, threat: Threat | None, arm: np.ndarray, rods: np.ndarray) -> None:
         """Tell the planner where the arm that takes part will be, while it plans."""
         if threat is None or self._step.kind in ("stand", "grip"):
             return
         likely = threat.of(arm).likely(*self.conduct.expected) if len(arm) else None
-        rows = [shunned] if likely is None else [likely.capsules, shunned]
+        rows = [rods] if likely is None else [likely.capsules, rods]
         expected = np.vstack(rows)
         sound = np.isfinite(expected).all() and (expected[:, 6] > 0.0).all()
         if len(expected) and sound:  # who is nowhere is not expected anywhere
@@ -880,10 +865,7 @@ class Handover:
         if self._T_place is None:
             return None
         look = self._looks_at_place()
-        look.begin(self._T_place, self.executor.set_point.q)
-        while not look.over and not look.found:
-            look.work()
-        if not look.found:
+        if not look.first(self._T_place, self.executor.set_point.q):
             return None
         self._at_place = look, 0
         return look.found[0]
@@ -908,10 +890,10 @@ class Handover:
         return np.array(found)
 
     def _looks_at_place(self) -> Reaches:
-        """Return who looks for grasps in a place; by that with which it is held.
+        """Return what looks for grasps in a place, with the grasp by which it is held.
 
-        In a place that is not its own there is nothing that may hold the object: robot
-        and object come down to what it stands on, clear of all else.
+        In a place that is not its own nothing may hold the object: robot and object
+        come down to what it stands on, clear of all else.
         """
         held = self._T_tool_object if self.holding else None
         grasps = self._reaches.T_tool_object if held is None else held[None]
@@ -1023,8 +1005,8 @@ class Handover:
     def _back_off(self, seen: _Seen) -> bool:
         """Begin to back out of where it touches the object; False: it is clear of it.
 
-        Who was driven off while it came down to the object may stand against it, where
-        no path of the planner's begins.
+        A robot that was driven off while it came down to the object may stand against
+        it, where no path of the planner's begins.
         """
         obj = self._object_rows(seen.frame)
         if obj is None or self._is_clear_of(obj):

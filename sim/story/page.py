@@ -17,13 +17,8 @@ from sim.view.viewer import Viewer
 class StoryPage:
     """A story that is watched; a context manager.
 
-    Args:
-        run: The run; not begun.
-        port, host, token: See `sim.Viewer`.
-        paced: Whether `hear` waits for the clock; False: somebody else does.
-
-    Attributes:
-        viewer: See `sim.Viewer`.
+    Port, host and token as of `sim.Viewer`. `hear` waits for the clock where it is
+    `paced`; else somebody else does.
     """
 
     def __init__(

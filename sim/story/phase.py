@@ -1,19 +1,19 @@
 """The planner as the executor asks it in the last phase: who may touch what.
 
-On the way everything is heeded by everything. In the last phase of a give the payload
-may touch the receiving hand, of a receive the finger pads the object
-(`odm.frame.last_phase`); the arm keeps its whole clearance from both, always.
+On the way nothing may touch anything. In the last phase of a give the payload may touch
+the receiving hand, of a receive the finger pads the object (`odm.frame.last_phase`);
+the arm keeps its whole clearance from both, always.
 
-An object that somebody pushes against a robot that waits for it is no part of the
-person: a retreat may begin within its clearance, and even in touch with the cover,
-as long as nothing comes nearer to it; pads, which may touch it, apart. From the person
-a retreat keeps what it always keeps. And on the way a motion keeps the whole clearance
-from the object where it is, but `object_keeps` from where it can be by the end of a
-stop: else a robot that stands a little beyond the clearance hardly moves beside it.
+An object that somebody pushes against a waiting robot is no part of the person: a
+retreat may begin within its clearance, even in touch with the cover, if nothing but the
+pads comes nearer to it. From the person a retreat keeps what it always keeps. On its
+way the robot keeps the whole clearance from where the object is, but only
+`object_keeps` from where it can be by the end of a stop: else it would hardly move
+beside it.
 
-An object that the robot fetches or puts down touches what it stands on. So a straight
-motion to its place and back may bring what is held, and nothing else, to the scenery;
-person, robot and object are tested against each other as on any motion.
+An object in its place touches what it stands on. So on a straight motion to the place
+and back what is held, and nothing else, may touch the scenery; person, robot and object
+are tested against each other as on any motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,21 +34,21 @@ class PhasePlanner:
 
     Args:
         planner: The planner.
-        object_keeps: Kept from wherever what is held out can be while the robot stops
-            [m]. More: it stops earlier before an object that moves.
+        object_keeps: Distance kept from wherever an object that is held out can be
+            while the robot stops [m]. More: it stops earlier before one that moves.
 
     Attributes:
         phase: "give", "receive" or None.
-        classes: (k,) class of each of the shapes that are told.
-        offered: How many of those, the last ones, are what somebody holds out.
+        classes: (k,) class of each shape of the frame.
+        offered: How many shapes, the last ones, are what somebody holds out.
         person: (k, 7) the person's capsules in this frame [m].
-        held_out: Tests of stops against what somebody holds out, and nobody else.
-        meant: (j,) which of the shapes are meant to come in a phase: the arm that takes
-            part, and the object. Nobody evades them then; all else is evaded as ever.
-        hurries: Whether what is held out goes too fast to be put between pads: then
-            they evade it, too.
-        looked: Whether a motion that evades somebody was looked for since this was set
-            to False: that takes as long as a path.
+        held_out: Tests stops against what somebody holds out alone.
+        meant: (j,) shapes that are meant to come in a phase: the arm that takes part,
+            and the object. They are not evaded then; all others are, as ever.
+        hurries: Whether what is held out is too fast to be put between the pads: then
+            it is evaded, too.
+        looked: Whether an evasion was searched, which takes as long as a path, since
+            this was set to False.
         at_place: Whether straight motions lead to the object's place or from it: what
             is held may touch the scenery on them.
     """
@@ -150,7 +150,7 @@ class PhasePlanner:
         return self.planner.evasion(q, coming, speed_scale)
 
     def is_met(self, path: np.ndarray, extra: float, coming: Obstacles) -> bool:
-        """Whether somebody comes to a path who is not meant to; see `evasion`."""
+        """Whether somebody who is not meant to come comes to a path; see `evasion`."""
         if self.phase is None and not self.hurries:
             return self.blocked_leg(path, extra, coming) is not None
         if self.phase is None:
@@ -193,10 +193,8 @@ class PhasePlanner:
     def line_free(self, q: np.ndarray, q_end: np.ndarray, there: Obstacles) -> bool:
         """Whether a straight motion passes all four tests, by the rules of the phase.
 
-        Args:
-            q: (dof,) its start [rad or m].
-            q_end: (dof,) its end, within the limits.
-            there: All shapes, in the order of `classes`.
+        It goes from q (dof,) to q_end, within the limits; `there` are all shapes, in
+        the order of `classes`.
         """
         planner = self.planner
         robot = planner.robot
@@ -215,15 +213,10 @@ class PhasePlanner:
 
 
 class OfferedObject:
-    """What somebody holds out, as it is told alone while the robot stops.
+    """What somebody holds out, tested apart from the person while the robot stops.
 
-    It is the `odm.execution.stop_test.HeldOut` of an executor.
-
-    The shells that test who is within the cover know no pads and no way out from what
-    lies against a link already: that is tested here, by the cover.
-
-    Args:
-        view: Knows the phase.
+    The executor's `odm.execution.stop_test.HeldOut`. The shells know neither pads nor a
+    way out from what lies against a link already, so this is tested by the cover.
     """
 
     def __init__(self, view: PhasePlanner) -> None:

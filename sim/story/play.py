@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import Executor
@@ -368,9 +368,8 @@ class StoryPlay:
         result.beyond += max(used, jerk) > 1.0 + _ROUNDING
 
     def _object_touches(self, moment: StoryMoment) -> bool:
-        arm = {"right": (Part.RIGHT_HAND, Part.RIGHT_FOREARM)}
-        arm["left"] = (Part.LEFT_HAND, Part.LEFT_FOREARM)
-        others = ~np.isin(moment.frame.human.labels, arm[self.setup.side])
+        hand_and_forearm = ARM_LABELS[self.setup.side][:2]
+        others = ~np.isin(moment.frame.human.labels, hand_and_forearm)
         T = moment.T_object
         for rod in moved_rods(self.setup.obj.capsules, T):
             if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
@@ -381,13 +380,9 @@ class StoryPlay:
 def new_story(
     setup: StorySetup, settings: StorySettings, human: Human, fetch: bool = False
 ) -> Handover:
-    """Return a story whose robot stands at rest.
+    """Return a story whose robot stands at rest, with the person at the beginning.
 
-    Args:
-        setup: What all runs share.
-        settings: Of the story.
-        human: The person at the beginning.
-        fetch: Whether a giver first takes the object from its place.
+    `fetch`: a giver first takes the object from its place.
     """
     planner, give = setup.planner(), settings.direction == "give"
     if give and not fetch:

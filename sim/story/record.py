@@ -34,11 +34,7 @@ _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gon
 
 
 class StoryRecorder:
-    """Takes the moments of a run.
-
-    Args:
-        run: The run; not begun.
-    """
+    """Takes the moments of a run that was not begun."""
 
     def __init__(self, run: StoryPlay) -> None:
         """Hold nothing yet."""
@@ -49,11 +45,7 @@ class StoryRecorder:
         self.moments.append(moment)
 
     def record(self) -> RunRecord:
-        """Return the recording, as `sim.record` writes it and `odm view` shows it.
-
-        Raises:
-            BadInput: There is no moment yet.
-        """
+        """Return the recording, as `sim.record` writes it and `odm view` shows it."""
         if not self.moments:
             raise BadInput("no frame was run, so there is nothing to record")
         run, setup = self.run, self.run.setup
@@ -151,12 +143,7 @@ class StoryRecorder:
 def play_again(record: RunRecord, setup: StorySetup) -> tuple[np.ndarray, list[str]]:
     """Let a new story see and feel what was recorded; return q (F, dof) and states.
 
-    Args:
-        record: The recording.
-        setup: Of its map and reach map.
-
-    Raises:
-        BadRecord: The map or the reach map is another one.
+    BadRecord where the setup's map or reach map is another one.
     """
     told, arrays = record.head["story"], record.arrays
     for what, ours, its in (

@@ -47,8 +47,8 @@ class ComfortSettings:
 
 
 @dataclass(frozen=True)
-class ShunnedSettings:
-    """Where the rods are that new paths keep clear of (`comfort.shunned`).
+class ComfortRodSettings:
+    """Where the rods are that new paths keep clear of (`comfort.comfort_rods`).
 
     Attributes:
         short: The hand's end of the rod to it is left out by this [m]: there the object
@@ -71,26 +71,27 @@ class ConductSettings:
     """How a story reads its frames and shares out their time (`handover.Handover`).
 
     Attributes:
-        arrived: A goal is reached where no joint is farther from it [rad or m].
-        tracked: The straight motion follows an object that has moved by this [m].
+        arrived: Largest distance of a joint from a goal that is reached [rad or m].
+        tracked: The straight motion is aimed anew when the object moved by this [m].
         stands: A robot slower than this in all joints stands [rad/s or m/s].
-        gone_s: A hand that is away for so long has gone [s].
-        expected: New paths keep clear of where the person will be at these times [s].
-        untouched: An object that stands is not expected to start off within the first
-            of these times in which nobody can get to it [s].
-        hurries: What goes so many times as fast as what is held still is not put
-            between the pads.
-        goes_on_s: Its way in this time says how fast an object goes [s]: more, and a
-            hand that trembles is stiller, and one that sets off is seen later.
+        gone_s: A hand that was away for so long has gone [s].
+        expected: Times ahead at which new paths keep clear of the person [s].
+        untouched: Times, longest first: within the first of them in which nobody can
+            reach a resting object, it is not expected to move [s].
+        hurries: An object this many times as fast as `still_speed` is not put between
+            the pads.
+        goes_on_s: Time over which an object's speed is averaged [s]. More: a trembling
+            hand seems stiller, and one that sets off is noticed later.
         leap_s: Two frames farther apart than this mean that the clock was set [s].
-        periods: A frame counts for so many periods at most: it cannot say what lasted.
-        tell_s: The planner is told so often where the person will be [s]; its history
-            is ten times as long,
-        late_s: ... and no later than so, before the step [s].
-        moved_off: A person who is so much farther from a place has moved off [m].
+        periods: Periods that a frame counts for at most: a late frame does not show
+            that something lasted.
+        tell_s: Interval at which the planner is told where the person will be [s]; its
+            history is ten times as long.
+        late_s: Age at which that is told in any case, before the step [s].
+        moved_off: Distance that counts as having moved off a place [m].
         tests: Tests of `improve` in a frame, where there is time for them,
-        tests_moving: ... and of a robot on its way.
-        braked_every: Frames of a braked robot, after which it looks for grasps anew.
+        tests_moving: ... and while the robot moves.
+        braked_every: Frames after which a braked robot looks for grasps anew.
     """
 
     arrived: float = 1e-4
@@ -128,19 +129,18 @@ class GraspingSettings:
     """How hard a grasp of what is held out is looked for (`grasping.Reaches`).
 
     Attributes:
-        seeds: Near nodes that inverse kinematics begins from, for each grasp,
-        most_seeds: ... and so many of them in all where those lead nowhere.
-        shares: Shares of the straight way's length: each is tried where those before it
-            lead nowhere.
-        kept: Pairs, at the object and before it, that are kept.
+        seeds: Near nodes that inverse kinematics starts from, for each grasp,
+        most_seeds: ... and the most of them, where fewer lead nowhere.
+        shares: Shares of the straight way's length, tried in turn.
+        kept: Pairs of configurations, at the object and before it, that are kept.
         steps: Steps of the inverse kinematics.
         tolerance: Largest error of the tool's pose [m] and [rad].
-        straight: A joint moves no more than this from before the object to it [rad].
-        lengths: Ways back that are tried for room,
+        straight: Largest move of a joint from before the object to it [rad].
+        lengths: Ways back that are tried until one has room,
         more: ... each longer by what lacks and this [m].
-        looked_at: Nodes at which the arm beside a grasped object is looked at.
-        out_steps: An object is moved out of the hand in so many steps at most,
-        most_out: ... and by this at most, until nothing is too near to it [m].
+        looked_at: Nodes at which the arm beside a grasped object is checked.
+        out_steps: Steps at most in which an object is held farther out of the hand,
+        most_out: ... and how far at most, until no link is too near to it [m].
     """
 
     seeds: int = 6
@@ -219,48 +219,46 @@ class StorySettings:
 
     Attributes:
         direction: "give" or "receive".
-        near: A receiving hand that comes counts when it is so near to the object
-            [m],
-        comes: ... and has come nearer by this since it was held out [m]: a hand that
-            hangs beside it, at the person's side, does not come. 0: any hand that near;
-            above, a hand that waits beside where the object will be is never there.
-        gone: It has gone away again when it is farther than this [m].
-        back: Length of the straight motions to an object and away from it [m]; they
-            are longer where `room` asks for it.
-        room: What the robot keeps from an object before which it waits, besides its
-            clearance [m]. 0.02: more than the 13 mm that a hand may come in the 80 ms
-            of a stop; with 4 mm it creeps for as long as it is patient.
-        follow: The robot follows an object that has moved by this [m].
-        still_speed: An object that goes on slower than this, to and fro left out, is
-            held still [m/s].
-        steady_s: ... for so long, before the robot closes in [s].
-        between: An object whose middle is so near to where a grasp would have it is
-            between the fingers [m],
-        between_rad: ... if it is turned from there by no more than this [rad], and the
-            map's payload envelope, if it has one, has room for it there.
-        leave_s: Without a place in reach for so long, the person has left [s].
-        blocked_s: Without a certified motion for so long, another way is taken [s].
-        tries: So often in a row that no certified motion leads to the object held out,
-            it gives up. 4: one for each quarter turn of the grasp.
-        stuck_s: A robot that has to stand on its way to a target for so long goes to
+        near: A receiving hand this near to the object has come [m],
+        comes: ... if it came nearer by this since the object was held out [m], unlike a
+            hand that hangs beside it. 0: any hand that near counts; above 0, one that
+            waits there from the beginning never does.
+        gone: A hand farther away than this has gone again [m].
+        back: Length of the straight motions to an object and away from it [m]; longer
+            where `room` asks for it.
+        room: Distance beyond the clearance at which the robot waits before an object
+            [m]. 0.02: more than the 13 mm that a hand may come in the 80 ms of a stop;
+            with 4 mm the robot creeps.
+        follow: The robot follows an object that moved by this [m].
+        still_speed: An object slower than this on average is held still [m/s],
+        steady_s: ... and after so long the robot closes in [s].
+        between: An object this near to where a grasp would have it is between the
+            fingers [m],
+        between_rad: ... if it is turned by no more than this [rad], and the map's
+            payload envelope, if it has one, has room for it there.
+        leave_s: The person has left after so long without a place in reach [s].
+        blocked_s: Another way is taken after so long without a certified motion [s].
+        tries: Failures in a row to find a certified motion to the object, after which
+            the robot gives up. 4: one for each quarter turn of the grasp.
+        stuck_s: A robot that is stopped for so long on its way to a target tries
             another one first [s].
-        grip_s: After so long the fingers have closed on the object or on nothing [s].
+        grip_s: After so long the fingers have closed, on the object or on nothing [s].
         wait_s: Patience in any state beside the person [s].
-        fetch_s: For fetching the object [s].
-        place_s: On its way to a place for so long [s], most of it slowed or stopped for
-            the person, it puts the object down in another one.
-        again_s: Where it came to none, it waits at rest for so long [s], or until the
-            person has moved off, and tries them again.
-        put_down_s: For putting the object down, other places and waiting included [s].
+        fetch_s: Time limit for fetching the object [s].
+        place_s: After so long on its way to a place [s], most of it slowed or stopped
+            for the person, the robot puts the object down in another one.
+        again_s: Where no place could be reached, the robot waits at rest for so long
+            [s], or until the person moved off, and tries again.
+        put_down_s: Time limit for putting down, other places and waiting included [s].
         slow: Whether the speed near the person follows `speed`.
         pull: What counts as a pull at the wrist.
         speed: Terms of speed and separation.
-        comfort: Where new paths had better not pass.
-        threat: Bounds on the person's motion, and on the error of what is measured of
-            them and of the object. Default: `PARTNER`, somebody who is calm and stays
-            so; beside people who work in a hurry give `ThreatSettings()`. With a sensor
-            that is not exact give its `noise`, else each of its errors is taken for a
-            part that starts off, and the robot waits.
+        comfort: Where new paths do not pass, if they can.
+        threat: Bounds on the person's motion, and on the measured error of person and
+            object. Default: `PARTNER`, somebody who is and stays calm; beside people in
+            a hurry give `ThreatSettings()`. A sensor that is not exact needs its
+            `noise`: else its errors look like a part that starts off, and the robot
+            waits.
     """
 
     direction: str = "give"
@@ -304,11 +302,7 @@ class StorySettings:
         return cls(**(longer | settings))
 
     def __post_init__(self) -> None:
-        """Check every value.
-
-        Raises:
-            BadInput: One out of range, or a direction that is none.
-        """
+        """Check every value."""
         if self.direction not in DIRECTIONS:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"

@@ -46,11 +46,7 @@ FILM = "handover.gif"
 
 
 class LivePerson(Protocol):
-    """A person whom a user moves while the story is played.
-
-    Attributes:
-        person: With `human(t)`.
-    """
+    """A person with `human(t)` whom a user moves while the story is played."""
 
     person: object
 
@@ -69,16 +65,9 @@ def tell_story(
 ) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
-    Args:
-        request: What was asked for.
-        cell_map: The map, of a robot with fingers.
-        reach: Its reach map.
-        live: Who moves the person of `--human keyboard`; see `sim.keyboard.story`.
-        person: Who was recorded, of `--human mocap`.
-        thing: The user's object, of `--object`; see `object_of`.
-
-    Returns:
-        Plain data: what came of it, times, figures, files.
+    `live` moves the person of `--human keyboard`, see `sim.keyboard.story`; `person`
+    was recorded, of `--human mocap`; `thing` is the user's object, see `object_of`.
+    Returns plain data: what came of it, times, figures, files.
     """
     say: Callable[[str], None] = (lambda _: None) if request.json == "-" else print
     with Bars("placing robot, object and person"):
@@ -113,7 +102,7 @@ def tell_story(
     record = recorder.record()
     # who moved the person has seen it
     film = request.film or (None if live else request.out / FILM)
-    files = _written(record, cell_map, request.record, film)
+    files = written(record, cell_map, request.record, film)
     found = figures_of(result) | {"files": [str(f) for f in files]}
     found["header"] = header(cell_map)
     found["story_sha256"] = record.head["outcome"]["story_sha256"]
@@ -122,11 +111,7 @@ def tell_story(
 
 
 def object_of(request: DemoRequest) -> GraspObject | None:
-    """Return the object of the user's, read before any map is made; None: none is.
-
-    Raises:
-        BadInput: It is none, or no solid; see `load_object`.
-    """
+    """Return the object of the user's, read before any map is made; None: none is."""
     if request.object is None:
         return None
     return load_object(request.object, request.mass, request.scale or 1.0)
@@ -180,29 +165,26 @@ def _about_place(setup: StorySetup, run: StoryPlay) -> str:
     return f"the object's place on the table is at ({x:.2f}, {y:.2f}) m, within reach"
 
 
-def _written(
-    record: RunRecord, cell_map: CellMap, recording: Path | None, film: Path | None
+def written(
+    record: RunRecord,
+    cell_map: CellMap,
+    recording: Path | None,
+    film: Path | None,
+    look: FilmSettings | None = None,
 ) -> list[Path]:
-    """Write what was asked for; return the files."""
+    """Write a story's recording and its film, where they are asked for."""
     files = []
     if recording is not None:
         files.append(write_record(record, recording))
     if film is not None:
-        files.append(filmed(record, cell_map, film))
+        files.append(_filmed(record, cell_map, film, look))
     return files
 
 
-def filmed(
-    record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None = None
+def _filmed(
+    record: RunRecord, cell_map: CellMap, path: Path, look: FilmSettings | None
 ) -> Path:
-    """Write a recorded story as a film, with the solids that stand around; return it.
-
-    Args:
-        record: The recording.
-        cell_map: The map it was played with.
-        path: File to write; its folder is made.
-        look: See `sim.story.film.write_story_film`.
-    """
+    """Write a recorded story as a film, with what stands around; return it."""
     still = all_triangles(shape for _, shape in cell_map.scenery.shapes())
     with stdout_to_stderr():  # pybullet greets and warns on stdout
         world, _ = open_world(cell_map)
@@ -252,11 +234,7 @@ def _run_of(
 
 
 def recorded_person(request: DemoRequest) -> RecordedPerson:
-    """Return the recorded person of a request.
-
-    Raises:
-        BadMocap: The recording or the mapping cannot be used.
-    """
+    """Return the recorded person of a request."""
     settings = MocapSettings(accept_defects=request.accept_defects)
     motion = load_mocap(request.file, mapping=request.mapping, settings=settings)
     return RecordedPerson(motion)

@@ -18,22 +18,15 @@ class Wrist(Protocol):
     """A sensor between arm and hand."""
 
     def wrench(self, T_base_tool: np.ndarray, mass: float, force: np.ndarray) -> object:
-        """Return (6,) force and torque, tool frame.
+        """Return (6,) force and torque, tool frame, of what hangs in the hand.
 
-        Args:
-            T_base_tool: (4, 4) of the tool [m].
-            mass: What hangs in the hand [kg].
-            force: (3,) on the object's middle, base frame [N].
+        `force` (3,) acts on the object's middle, base frame [N].
         """
         ...
 
 
 class PlainWrist:
-    """The forces added up: what is needed without a simulator.
-
-    Args:
-        obj: What may be in the hand.
-    """
+    """The forces added up: what is needed without a simulator."""
 
     def __init__(self, obj: HeldObject) -> None:
         """Take the object's place in the hand."""
@@ -130,11 +123,8 @@ def person_force(
 ) -> np.ndarray:
     """Return (3,) force of a person on the object, base frame [N].
 
-    Args:
-        T_base_tool: (4, 4) of the robot's tool: the pull is along its z, out of it.
-        pull: Of the hand [N].
-        since_touch: Time since it touched the object [s].
-        bump: Of that touch, the other way and aside [N].
+    The pull [N] is along the tool's z, out of it; the bump of the touch `since_touch`
+    ago [s] goes the other way and aside.
     """
     force = pull * T_base_tool[:3, 2]
     if 0.0 <= since_touch < BUMP_S:

@@ -1,12 +1,12 @@
 """The output of `odm info` and `odm audit`, as plain data and as tables."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm import CellMap
 from odm.audit.clearance import clearance_overhead
+from roadmap.chunks import Progress
 from roadmap.geometry.spheres import cover_report
 from sim.terminal.output import bytes_text
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from odm.audit.sequence_audit import SequenceReport
 
 
-Progress = Callable[[str, int, int], None]
-
 MOST_PAIRS, MOST_LINKS = 12, 24  # told one by one; a humanoid has hundreds
 LINES, EDGE_LINES = 120, 24  # approaches: a quick look, no measurement
 
@@ -28,10 +26,7 @@ def facts(
 ) -> dict:
     """Return everything `odm info` says about a map, as plain JSON data.
 
-    Args:
-        cell_map: The map.
-        tell: Called with (stage, done, total).
-        with_overhead: Measure the clearance overhead, too; else it is None.
+    The clearance overhead is measured `with_overhead`; else it is None.
     """
     tell = tell or (lambda *_: None)
     overhead = _overhead_facts(cell_map, tell) if with_overhead else None

@@ -29,18 +29,11 @@ def measured(
     poses: int,
     tell: Callable[[str, int, int], None],
 ) -> tuple[list[dict], Recall | None]:
-    """Measure a stored map.
+    """Return what a stored map is worth: rows as of a bench, and the recall.
 
-    Args:
-        reach: The map.
-        folder: Where it lies.
-        chain: With its robot, where self-collision is to be looked at.
-        poses: Random poses to solve for the recall; 0: neither that nor centres.
-        tell: Called with (stage, done, total).
-
-    Returns:
-        Rows as of a bench, with limits where the grid is the one they are asked of;
-        and the recall, None where it was not asked for.
+    Rows have limits where the grid is the one they are asked of. `poses` are solved for
+    the recall; 0: neither that nor centres. A chain with a robot is looked at for
+    self-collision.
     """
     grid, built = reach.grid, reach.built
     fine = (grid.cell, grid.rotations.n_cells) == (CELL_M, ROTATIONS)

@@ -30,13 +30,10 @@ _WAIT_S = 0.02
 
 
 def compile_ahead(command: str) -> int:
-    """Compile what a command needs, if much of it is missing and there are two cores.
+    """Compile what a command needs, if much is missing and there are two cores.
 
-    Args:
-        command: Its name in the table, such as "run".
-
-    Returns:
-        How many loops were compiled, each for some types, those already there included.
+    Returns how many loops were compiled, each for some types, those already there
+    included.
     """
     processes = min(MOST_PROCESSES, _cores())
     if processes < 2 or sum(Compiling(command).missing().values()) < WORTH_S:
@@ -59,9 +56,7 @@ def compile_for(command: str) -> int:
 def compile_all(command: str, folder: Path) -> list:
     """Compile what a command needs in this process alone; return its loops.
 
-    Args:
-        command: Its name in the table.
-        folder: An empty one, for notes of what is done.
+    In the empty `folder` there are notes of what is done.
     """
     _work(folder, command, [])
     return [loop for loop, *_ in _jobs(command)]

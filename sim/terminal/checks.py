@@ -109,18 +109,11 @@ def check_value(
     writes: Writes | None = None,
     choices: str = "",
 ) -> None:
-    """Refuse what a flag cannot be given.
+    """Refuse what a flag `word` cannot be given, in one sentence with the remedy.
 
-    Args:
-        word: The flag, as it is typed.
-        value: What it was given: text, number, path, or several of them.
-        limits: The numbers it takes, or of each of its values, which `choices` then
-            names; None: any that is finite.
-        writes: What it has written; None: nothing.
-        choices: Words it takes, with "|" between them; other text: any.
-
-    Raises:
-        Refused: One sentence with value, limit and remedy.
+    `value` is text, a number, a path, or several. Without limits any finite number is
+    taken; several limits are of each of its values, which `choices` then names. Else
+    `choices` are words with "|" between them, and other text takes any.
     """
     values = value if isinstance(value, list | tuple) else [value]
     if isinstance(limits, tuple):
@@ -151,11 +144,7 @@ def _plain(value: float) -> str:
 
 
 def check_choice(word: str, value: str, choices: list[str]) -> None:
-    """Refuse a word that is none of the choices, and name the nearest.
-
-    Raises:
-        Refused: It is none.
-    """
+    """Refuse a word that is none of the choices, and name the nearest."""
     if value in choices:
         return
     near = difflib.get_close_matches(value.lower(), choices, 1, 0.6)
@@ -168,10 +157,6 @@ def check_target(word: str, path: Path, writes: Writes) -> None:
     """Refuse a file or folder that could not be written, before any work.
 
     A file is tried where it would lie, and leaves nothing behind.
-
-    Raises:
-        Refused: An ending that is not written, a library that is missing, a folder
-            where a file is wanted or the other way round, no permission.
     """
     endings = " or ".join(writes.endings)
     if writes.endings and path.suffix.lower() not in writes.endings:

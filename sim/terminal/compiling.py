@@ -32,12 +32,7 @@ def commands() -> list[str]:
 
 
 class Compiling:
-    """What a command has still to compile.
-
-    Args:
-        command: Its name, such as "run"; one that is not in the table needs nothing.
-        root: The folder that holds the packages.
-    """
+    """What a command has still to compile; nothing if it is not in the table."""
 
     def __init__(self, command: str, root: Path = ROOT) -> None:
         """Look at nothing yet."""

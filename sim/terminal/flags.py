@@ -160,11 +160,9 @@ def given(request: object, panel: str) -> list[str]:
 def from_request(kind: type) -> Callable[[Callable], Callable]:
     """Return a decorator that makes a command of one argument a command with flags.
 
-    Fields of `kind` are flags where they are declared by `flag` or `argument`, or have
-    an `Annotated` type for typer; others are for callers in Python only.
-
-    Args:
-        kind: A dataclass; what it refuses when it is made, the command refuses.
+    Fields of the dataclass `kind` are flags where they are declared by `flag` or
+    `argument`, or have an `Annotated` type for typer; others are for callers in Python
+    only. What it refuses when it is made, the command refuses.
     """
     empty = inspect.Parameter.empty
     parameters = [

@@ -56,11 +56,7 @@ def read_members(path: Path) -> dict[str, bytes]:
 
 
 def array_of(data: bytes) -> np.ndarray:
-    """Return the array of a .npy file's bytes.
-
-    Raises:
-        ValueError: A damaged header, objects, or a shape that the bytes do not fill.
-    """
+    """Return the array of a .npy file's bytes; ValueError for what is damaged."""
     stream = io.BytesIO(data)
     try:
         with warnings.catch_warnings():

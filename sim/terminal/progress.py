@@ -14,14 +14,11 @@ from sim.terminal.compiling import Compiling
 
 FIRST_S, EVERY_S = 1.0, 2.0  # [s] the first plain line, and from one to the next
 _TICK_S = 0.25
+_ASKED = "roadmap.kernel_cache"  # what `Compiling` imports
 
 
 class Pulse:
-    """Says what a command does, from a thread of its own, until it is stopped.
-
-    Args:
-        command: Name of the command, such as "run".
-    """
+    """Says what a command does, from a thread of its own, until it is stopped."""
 
     def __init__(self, command: str) -> None:
         """Say nothing yet."""
@@ -49,7 +46,8 @@ class Pulse:
         while not self._over.wait(_TICK_S):
             try:
                 now = time.monotonic()
-                if now - looked > 4 * _TICK_S:
+                # two threads that both import a package may wait for each other
+                if now - looked > 4 * _TICK_S and _ASKED in sys.modules:
                     looked, found = now, self.compiling.progress()
                 if self._terminal:
                     self._tell_terminal(found, now)

@@ -31,11 +31,7 @@ class ExactPair:
         )
 
     def require_apart(self, least: float) -> None:
-        """Refuse standing links nearer than `least` [m] to each other.
-
-        Raises:
-            BadInput: They are; the robots could never be moved apart.
-        """
+        """Refuse standing links nearer than `least` [m]: they cannot be moved apart."""
         standing = self.first.body == 0, self.second.body == 0
         if not all(part.any() for part in standing):
             return

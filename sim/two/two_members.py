@@ -16,9 +16,9 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion, time_path
 from roadmap.ranges import check_settings, is_between
+from sim.loop.loop import ARRIVED
 from sim.loop.run_result import STATUS
 
-ARRIVED = 1e-6  # largest joint difference at which a place is reached
 LEAVE = 0.3  # [s] without a path before it goes and waits
 PLANNED, SCRIPTED = "planned", "scripted"
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.transforms import moved_points
 from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
 from sim.draw.style import AMBER, FAINT, INK, SLATE, TEAL, rgb
 from sim.draw.viewpoint import Camera
@@ -56,7 +57,7 @@ class _Stage:
         self.tools = []
         for robot, T, places in zip(self.robots, self.T, result.places, strict=True):
             tools = [tool_pose(robot, q)[:3, 3] for q in places]
-            self.tools.append(_moved(T, np.array(tools)))
+            self.tools.append(moved_points(np.array(tools), T))
         tools = np.vstack(self.tools)
         camera, extent = _framed(camera, self.T[1][:3, 3], tools)
         self.canvas = Canvas(camera, *extent)
@@ -90,7 +91,7 @@ class _Stage:
     def _balls(self, k: int, frame: int) -> np.ndarray:
         centers = sphere_centers(self.robots[k], self.result.q[k][frame])
         return np.column_stack(
-            [_moved(self.T[k], centers), self.robots[k].spheres[:, 3]]
+            [moved_points(centers, self.T[k]), self.robots[k].spheres[:, 3]]
         )
 
     def _draw_caption(self, frame: int) -> None:
@@ -130,9 +131,5 @@ def _framed(
 def _seen_from(camera: Camera, T_world_base: np.ndarray) -> Camera:
     """Return the camera in the frame of a base that stands upright."""
     points = np.array([camera.eye, camera.target])
-    eye, target = _moved(np.linalg.inv(T_world_base), points)
+    eye, target = moved_points(points, np.linalg.inv(T_world_base))
     return replace(camera, eye=tuple(eye), target=tuple(target))
-
-
-def _moved(T: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return points @ T[:3, :3].T + T[:3, 3]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze, frozen
 from sim.loop.run_result import MOVING, STATUS, percentiles, touches
 
 
@@ -39,11 +39,8 @@ class TwoResult:
     reasons: tuple[dict, dict]
 
     def __post_init__(self) -> None:
-        for name, dtype in (
-            ("T_world_base", np.float64), ("separation", np.float64),
-            ("place", np.int32), ("status", np.uint8), ("wall_s", np.float64),
-        ):  # fmt: skip
-            object.__setattr__(self, name, frozen(getattr(self, name), dtype))
+        freeze(self, T_world_base=float, separation=float, wall_s=float)
+        freeze(self, place=np.int32, status=np.uint8)
         q = tuple(frozen(a, np.float64) for a in self.q)
         object.__setattr__(self, "q", q)
 

@@ -132,13 +132,10 @@ def run_two(
     settings: TwoSettings | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> TwoResult:
-    """Run two robots for their whole time; the arguments are those of `TwoRobots`.
+    """Run two robots for their whole time, with the arguments of `TwoRobots`.
 
-    `on_frame(done, total)` is called after every frame.
-
-    Returns:
-        Every frame and the figures; the same input gives the same result but for the
-        clock's figures.
+    `on_frame(done, total)` is called after every frame. The same input gives the same
+    result but for the clock's figures.
     """
     settings = settings or TwoSettings()
     two = TwoRobots(maps, T_world_base, settings)
@@ -199,11 +196,7 @@ def _paths_round(planner: ReactivePlanner, places: np.ndarray) -> list[np.ndarra
 
 
 def places_beside(planner: ReactivePlanner) -> np.ndarray:
-    """Return two free work places (2, dof) of a planner whose scenery is set.
-
-    Raises:
-        BadInput: What stands there leaves none.
-    """
+    """Return two free work places (2, dof) of a planner whose scenery is set."""
     roadmap = planner.cell_map.roadmap
     try:
         return work_places(planner.robot, roadmap, planner.is_free)
@@ -219,13 +212,8 @@ def waiting_place(
 ) -> np.ndarray:
     """Return the roadmap node nearest to the places that is out of the other's way.
 
-    Args:
-        planner: The planner of the robot that waits.
-        places: (n, dof) its work places.
-        busy: The other robot at all of its places.
-
-    Raises:
-        BadInput: The other robot is in the way everywhere.
+    `places` (n, dof) are the robot's, `busy` is the other robot at all of its own.
+    BadInput where it is in the way everywhere.
     """
     nodes = planner.cell_map.roadmap.nodes
     planner.step(busy, q=nodes[0].copy())

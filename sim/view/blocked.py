@@ -79,12 +79,9 @@ def line_file(
     """Return a binary glTF of line segments, one pixel wide and drawn in one call.
 
     Lines of a width are drawn as several triangles each: of 73 000 edges a processor
-    that draws itself makes one picture in seconds (docs/decisions/0068).
-
-    Args:
-        segments: (n, 2, 3) their ends [m], n > 0.
-        colour: 0 to 255, sRGB.
-        opacity: 0 to 1; below 1 what lies behind many of them is seen, too.
+    that draws itself makes one picture in seconds (docs/decisions/0068). `segments` (n,
+    2, 3) are in metres, `colour` 0 to 255, sRGB; with an opacity below 1 what lies
+    behind many of them is seen, too.
     """
     points = np.ascontiguousarray(segments, np.float32).reshape(-1, 3)
     shade = [_linear(c / 255.0) for c in colour]

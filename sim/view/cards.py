@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from sim.draw.style import AMBER, FAINT, INK, LINE, PALE, RED, TEAL
+from sim.draw.style import AMBER, BLUE, FAINT, INK, LINE, PALE, RED, TEAL
 from sim.view import looks
 from sim.view.moment import (
     CONTACT,
@@ -67,12 +67,9 @@ def shown_state(moment: Moment, events: list[Event]) -> int:
 
 
 def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
-    """Return the separation and the latency of the last seconds as two strips.
+    """Return separation and latency of the last seconds before `now` [s] as two strips.
 
-    Args:
-        rows: (n, 5) as in `Moment`, by time.
-        now: The present moment [s].
-        latency: Whether latencies are known.
+    `rows` are (n, 5) as in `Moment`, by time; latencies may not be known.
     """
     recent = rows[(rows[:, TIME] > now - STRIP_S) & (rows[:, TIME] <= now + 1e-9)]
     gap = recent[np.isfinite(recent[:, GAP])]
@@ -85,7 +82,7 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
         p50, p99 = np.percentile(took, [50, 99])
         most = float(took.max())
         top = max(1.0, 1.1 * most)
-        picture = _strip(recent[:, TIME], took, now, top, "#4a7fb5")
+        picture = _strip(recent[:, TIME], took, now, top, BLUE)
         words = f"p50 {p50:.2f}, p99 {p99:.2f}, most {most:.2f} ms"
         told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
     elif not latency:
@@ -143,11 +140,8 @@ def _strip(
 def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) -> str:
     """Return the whole run as a band of colours by state, with its events.
 
-    Args:
-        rows: (n, 5) as in `Moment`, by time.
-        events: What happened.
-        span: First and last moment [s].
-        now: The present moment [s].
+    `rows` are (n, 5) as in `Moment`, by time; `span` are the first and the last moment
+    [s].
     """
     width, height = 1000.0, 40.0
     begin, length = span[0], max(span[1] - span[0], 1e-6)

@@ -40,11 +40,7 @@ def new_token() -> str:
 
 
 def listening(host: str, port: int) -> socket.socket:
-    """Return a socket that listens there.
-
-    Raises:
-        BadInput: The port is taken or no port, or the address is none of this machine.
-    """
+    """Return a socket that listens at an address of this machine, on a free port."""
     if not isinstance(port, int) or not 0 <= port <= 65_535:
         raise BadInput(f"--port {port} is no port; give 1 to 65535, or 0 for any")
     try:

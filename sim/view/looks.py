@@ -3,10 +3,9 @@
 import numpy as np
 
 from sim.draw import style
-from sim.draw.style import AMBER, FAINT, RED, SLATE, TEAL, rgb
+from sim.draw.style import AMBER, FAINT, PURPLE, RED, SLATE, TEAL, rgb
 from sim.view import moment as m
 
-PURPLE = "#7050b0"
 _STANDS = 0.1  # nobody's lowest part is thicker [m]
 _PUT_AWAY = -4.0  # nobody stands so far below the robot's base [m]
 FOV = np.radians(38.0)  # vertical opening of the camera [rad]

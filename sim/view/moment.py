@@ -96,11 +96,7 @@ def state_of(status: str, pace: str, separation: float = np.inf) -> int:
 
 
 class Happenings:
-    """Makes events of states, frame by frame.
-
-    Attributes:
-        events: All of them, by time.
-    """
+    """Makes events of states, frame by frame, and keeps them by time."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
@@ -115,14 +111,10 @@ class Happenings:
         reason: str = "",
         new_path: bool = False,
     ) -> None:
-        """Take one frame.
+        """Take one frame of a time [s] and the code of its state.
 
-        Args:
-            time_s: When [s].
-            state: Code of its state.
-            place: Number of the goal.
-            reason: May be given with the first frame of a state.
-            new_path: Whether the planner found a new path; to a new goal it has to.
+        `reason` may be given with the first frame of a state. A frame with another goal
+        `place` has to have a new path.
         """
         if self._place is not None and place != self._place:
             self.events.append(Event(time_s, STILL, "a new goal"))

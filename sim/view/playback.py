@@ -68,11 +68,7 @@ class Playback:
         self.seek(goal)
 
     def set_speed(self, speed: float) -> None:
-        """Let time pass faster or slower.
-
-        Raises:
-            BadInput: Not one of `SPEEDS`.
-        """
+        """Let time pass faster or slower, by one of `SPEEDS`."""
         if speed not in SPEEDS:
             known = ", ".join(f"{s:g}" for s in SPEEDS)
             raise BadInput(f"no speed {speed!r}; choose one of {known}")

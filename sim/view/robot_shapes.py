@@ -44,10 +44,8 @@ def robot_parts(
 ) -> tuple[list[Part], str]:
     """Return the meshes of a robot, and a sentence about what was not found.
 
-    Args:
-        robot: The robot.
-        source: Its URDF or name, as in the recipe of its map.
-        locked: Joints that stand still, and where [rad or m].
+    `source` is its URDF or name, as in the recipe of its map; `locked` are joints that
+    stand still, and where [rad or m].
     """
     try:
         return drawn_parts(visual_parts(robot, source, locked or {})), ""
@@ -68,14 +66,10 @@ def lowest_of_robot(robot: Robot, parts: list[Part], qs: np.ndarray) -> float:
 
 
 def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
-    """Return meshes with fewer faces in all, as they are if they have few.
+    """Return meshes with at most `most` faces in all, as they are if they have few.
 
     Corners that lie in one cell become one, their mean; cells grow until it is enough.
     For a picture only: no corner moves farther than the diagonal of a cell.
-
-    Args:
-        parts: The meshes.
-        most: Faces of all of them.
     """
     cell, drawn = _FINEST, parts
     while sum(len(part.mesh.faces) for part in drawn) > most:

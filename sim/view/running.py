@@ -32,13 +32,10 @@ class Pace:
 
 
 class Watched:
-    """A loop that is watched; a context manager.
+    """A loop, not begun, that is watched; a context manager.
 
-    Args:
-        loop: The loop; not begun. Its person can be dragged where it goes between work
-            places.
-        cell_map: Its map.
-        port, host, token: See `Viewer`.
+    Its person can be dragged where it goes between work places. Port, host and token as
+    of `Viewer`.
     """
 
     def __init__(

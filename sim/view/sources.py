@@ -246,11 +246,7 @@ def _trip_ends(place: np.ndarray) -> np.ndarray:
 
 
 class Letters:
-    """The moments of a live run, as they lie in a mailbox; some minutes are kept.
-
-    Args:
-        box: The mailbox.
-    """
+    """The moments of a live run, as they lie in a mailbox; some minutes are kept."""
 
     live = knows_latency = True
 
@@ -319,11 +315,7 @@ class Letters:
 
 
 class Still:
-    """One moment for ever: a map without a run.
-
-    Args:
-        moment: What stands there at first.
-    """
+    """One moment for ever: a map without a run."""
 
     live = knows_latency = False
 

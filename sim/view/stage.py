@@ -55,13 +55,7 @@ _NONE = np.zeros((0, 3))
 
 
 class Stage:
-    """Draws moments into a viser scene.
-
-    Args:
-        scene: Where to.
-        robot: The robot.
-        parts: Its meshes.
-    """
+    """Draws moments into a viser scene: a robot by the meshes of its parts."""
 
     def __init__(
         self, scene: "viser.SceneApi", robot: Robot, parts: list[Part]

@@ -42,11 +42,7 @@ class ViewerMissing(PlanningError):
 
 
 def check_viewer() -> None:
-    """Refuse where the page cannot be shown, before any work.
-
-    Raises:
-        ViewerMissing: viser is not installed.
-    """
+    """Refuse where the page cannot be shown, before any work."""
     if util.find_spec("viser") is None:
         raise ViewerMissing
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import Human, human_from_joints
-from handover.human.human_arm import SIDES
+from handover.human.body import SIDES
 from roadmap.errors import BadInput
 
 GRIP_N = 1.0  # a hand that presses harder holds the object [N]

@@ -11,8 +11,9 @@ from odm import CellMap, load_map
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.bench.many import play_all
+from sim.people.partner import PartnerTraits
 from sim.run.meet import reach_map_of
-from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop, with_traits
+from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop
 from sim.story.machine import DIRECTIONS
 from sim.story.play import RATE, StoryPlay, play
 from sim.story.rehearsal import rehearse
@@ -123,7 +124,8 @@ def _cases(runs: int, seed: int, short: bool) -> list[tuple[str, StoryCase]]:
     cases = [("", StoryCase.drawn(d, k)) for k in drawn for d in DIRECTIONS]
     if not short:
         for name, (direction, traits) in FAILURES.items():
-            cases.append((name, with_traits(StoryCase(direction), **traits)))
+            case = StoryCase(direction, traits=PartnerTraits(**traits))
+            cases.append((name, case))
     return cases
 
 

@@ -34,14 +34,8 @@ def metres_per_unit(
 ) -> tuple[float, str]:
     """Return the length of the file's unit [m], and a sentence where it was guessed.
 
-    Args:
-        tracks: The recording.
-        joints: Joint -> (F, 3) in the file's unit.
-        unit: By name or in metres; None: what the file says, else a guess.
-        said_by: Who gave `unit`, in words.
-
-    Raises:
-        BadMocap: The unit is unknown, or gives nobody's arm.
+    `unit` is a name or metres, by whoever is named in `said_by`; None: what the file
+    says, else a guess from the joints' places. BadMocap where it gives nobody's arm.
     """
     lengths = [_arm_length(joints, side) for side in SIDES]
     length = float(np.median([n for n in lengths if n is not None] or [np.nan]))
@@ -121,16 +115,8 @@ def up_axis(
 
     The body tells: the trunk, or what is above what where the hip is not known. Where
     the person stoops too much for that, the skeleton's rest pose does, and at last the
-    custom of the format: BVH "y", Vicon's tracks "z".
-
-    Args:
-        tracks: The recording.
-        joints: Joint -> (F, 3) places, in the file's axes.
-        rest: Joint -> (1, 3) places in the skeleton's rest pose, or empty.
-        up: One of `UPS` where it is said, or None.
-
-    Raises:
-        BadMocap: `up` is another axis, or the person lies or stands upside down.
+    custom of the format: BVH "y", Vicon's tracks "z". An axis along which the person
+    lies or stands upside down is refused.
     """
     if up is not None:
         if up not in UPS:
@@ -204,9 +190,7 @@ def z_up(place: np.ndarray, up: str) -> np.ndarray:
 def floor_height(joints: Joints, height: float) -> tuple[float, str]:
     """Return z of the floor in the recording [m], and how it was found.
 
-    Args:
-        joints: Places with z up [m].
-        height: Body height [m], used where there are no feet.
+    `height` is the body's [m], used where there are no feet.
     """
     feet = [joints[name] for name in FEET if name in joints]
     feet_z = np.concatenate([foot[:, 2] for foot in feet]) if feet else np.zeros(0)

@@ -31,10 +31,7 @@ SEGMENTS = {  # part of the arm -> shortest and longest of any person [m]
 def odd_lengths(joints: dict[str, np.ndarray]) -> list[str]:
     """Return which parts of the arms are of no person's length, a clause each.
 
-    The median over the frames counts: single frames are the tracker's.
-
-    Args:
-        joints: Joint -> (F, 3) places [m], NaN: not seen.
+    The median over the frames counts; `joints` are (F, 3) places [m], NaN: not seen.
     """
     found = []
     for side in SIDES:

@@ -73,12 +73,9 @@ def first_frame(joints: dict[str, np.ndarray], rate_hz: float) -> int:
 
 
 def find_faults(place: np.ndarray, rate_hz: float, limit: float) -> Faults:
-    """Return which frames of a track not to believe; gaps are no faults.
+    """Return which frames of a track (F, 3) not to believe; gaps, NaN, are no faults.
 
-    Args:
-        place: (F, 3) places [m], NaN: not seen.
-        rate_hz: Frames per second.
-        limit: A step faster than this is a jump [m/s].
+    A step faster than `limit` [m/s] is a jump.
     """
     bad = np.zeros(len(place), bool)
     seen = np.flatnonzero(np.isfinite(place).all(axis=1))

@@ -8,6 +8,7 @@ import numpy as np
 
 from handover.human.anthropometry import HEIGHTS
 from handover.human.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
+from roadmap.transforms import moved_points
 from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.people.mocap.bvh import parse_bvh
 from sim.people.mocap.defects import defects, odd_lengths
@@ -86,11 +87,7 @@ class MocapSettings:
 
 
 def read_tracks(path: str | Path) -> Tracks:
-    """Read a Vicon .csv or a .bvh, told apart by what is in it.
-
-    Raises:
-        BadMocap: The file is missing, empty, of another format, cut off or altered.
-    """
+    """Read a Vicon .csv or a .bvh, told apart by what is in it."""
     path = Path(path)
     text = read_text(path)
     first = text.lstrip().split("\n", 1)[0].strip()
@@ -260,7 +257,7 @@ def _motion(
     places, guesses, age = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
     jumped = np.zeros(shape, bool)
     for joint in present:
-        place = joints[joint][order] @ T[:3, :3].T + T[:3, 3]
+        place = moved_points(joints[joint][order], T)
         known, k = remember(place, rate, settings.loop), COLUMN[joint]
         places[:, k], guesses[:, k], age[:, k] = known.places, known.guess, known.age_s
         jumped[:, k] = faults[joint].bad[order]

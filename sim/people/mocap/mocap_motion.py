@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover.human.body import JOINTS, Part
-from roadmap.arrays import frozen
+from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 
 
@@ -57,10 +57,8 @@ class MocapMotion:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("frames", "guesses", "age_s", "T_base_recording"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64))
-        object.__setattr__(self, "labels", frozen(self.labels, np.int64))
-        object.__setattr__(self, "jumped", frozen(self.jumped, np.bool_))
+        freeze(self, frames=float, guesses=float, age_s=float, T_base_recording=float)
+        freeze(self, labels=np.int64, jumped=np.bool_)
 
     @property
     def label_names(self) -> tuple[str, ...]:

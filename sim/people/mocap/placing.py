@@ -37,14 +37,9 @@ def base_from_recording(
     The person stands where they spend their time and reach furthest from, and faces
     between where the chest then points and where the hand is. By default that hand is
     met at (0.5, 0) and the person faces -x, but never stands nearer than 0.85 m, nor
-    comes nearer than 0.75 m at any time.
-
-    Args:
-        joints: Places with z up [m].
-        stand: (x, y) where the person stands and yaw [rad] where they face, in the
-            base frame; None: the default.
-        floor: z of the floor in the recording [m].
-        base_height: Of the robot's base above the floor [m].
+    comes nearer than 0.75 m; else they `stand` at (x, y) [m] with a yaw [rad], base
+    frame. `floor` is its z in the recording, `base_height` that of the robot's base
+    above it [m].
     """
     feet, hand, facing = _reaching(joints)
     yaw = np.pi if stand is None else stand[2]

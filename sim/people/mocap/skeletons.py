@@ -113,18 +113,12 @@ def joints_of(
     mapping: str | Path | Mapping[str, str] | None = None,
     label: str = "the mapping",
 ) -> tuple[dict[str, str], str]:
-    """Return which name of the recording is which joint.
+    """Return joint -> name as the recording spells it, and what the mapping is called.
 
-    Args:
-        tracks: The recording.
-        mapping: Joint -> name in the recording, or a TOML file that holds it; None
-            takes the built-in list that fits best. Names are compared without case;
-            a namespace (`mixamorig:`, `Eve:`) may be left out where it tells nothing.
-        label: What the mapping is called; a file has its name.
-
-    Returns:
-        Joint of `handover.human.body.JOINTS`, a foot or a toe -> name as the recording
-        spells it; and what the mapping is called.
+    Joints are those of `handover.human.body.JOINTS`, a foot or a toe. `mapping` is
+    joint -> name, or a TOML file that holds it; None takes the built-in list that fits
+    best. Names are compared without case; a namespace (`mixamorig:`, `Eve:`) may be
+    left out where it tells nothing.
 
     Raises:
         BadMocap: The mapping is unreadable, names an unknown joint or one that the
@@ -154,13 +148,9 @@ def joints_of(
 
 
 def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str]:
-    """Return the (F, 3) middle of the pelvis' markers, and their names.
+    """Return the (F, 3) middle of a Plug-in Gait pelvis' markers, and their names.
 
     Markers that are seen in less than half of the frames are left out.
-
-    Args:
-        tracks: A recording of Plug-in Gait markers.
-        names: Joint -> name in the recording: whose pelvis it is.
     """
     whose = {split(name)[0] for name in names.values()}
     found = {}
@@ -175,11 +165,7 @@ def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str
 
 
 def read_mapping(path: str | Path) -> dict[str, str]:
-    """Return joint -> name from a TOML file of lines like `right_hand = "rHand"`.
-
-    Raises:
-        BadMocap: The file is missing or no TOML.
-    """
+    """Return joint -> name from a TOML file of lines like `right_hand = "rHand"`."""
     path = Path(path)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
@@ -210,11 +196,7 @@ class Told:
 
 
 def told_by(mapping: str | Path | Mapping[str, object] | None) -> Told:
-    """Return what a mapping tells; one of `unit` and `up` alone names no joints.
-
-    Raises:
-        BadMocap: The mapping cannot be read, or the unit is neither name nor number.
-    """
+    """Return what a mapping tells; one of `unit` and `up` alone names no joints."""
     if mapping is None:
         return Told()
     label = "the mapping"

@@ -73,11 +73,7 @@ class Roll:
         return [self.subjects[s] for s in found if s in self.subjects]
 
     def resolve(self, mapping: Mapping[str, str], label: str) -> dict[str, str]:
-        """Return joint -> body for a mapping whose names are all there.
-
-        Raises:
-            BadMocap: A name is of several subjects, or the names are.
-        """
+        """Return joint -> body for a mapping whose names are all there."""
         chosen = {}
         for joint, wanted in mapping.items():
             first, *others = self.find(wanted)

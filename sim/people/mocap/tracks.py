@@ -63,11 +63,7 @@ def _near(places: np.ndarray) -> np.ndarray:
 
 
 def check_rate(rate_hz: float, source: str) -> float:
-    """Return the rate, or refuse one that no recording of a person has.
-
-    Raises:
-        BadMocap: Zero, negative, not finite, or beyond `RATES`.
-    """
+    """Return the rate, or refuse one that no recording of a person has."""
     low, high = RATES
     if not low <= rate_hz <= high:
         raise BadMocap(
@@ -78,11 +74,7 @@ def check_rate(rate_hz: float, source: str) -> float:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a recording.
-
-    Raises:
-        BadMocap: The file is missing, empty, not text, or cannot be read.
-    """
+    """Return the text of a recording, or say why there is none."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -105,11 +97,7 @@ def read_text(path: Path) -> str:
 
 
 def number(text: str, what: str) -> float:
-    """Return the number written in `text`.
-
-    Raises:
-        BadMocap: It is no number; `what` begins the sentence.
-    """
+    """Return the number written in `text`; `what` begins a refusal."""
     try:
         return float(text)
     except ValueError:

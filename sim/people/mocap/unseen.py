@@ -27,12 +27,9 @@ def bridge(place: np.ndarray, rate_hz: float) -> np.ndarray:
 
 
 def smooth(place: np.ndarray, rate_hz: float, window_s: float) -> np.ndarray:
-    """Return the track averaged over a window [s], centred, shorter beside gaps.
+    """Return a track (F, 3) averaged over a window, centred, shorter beside gaps.
 
-    Args:
-        place: (F, 3) [m], NaN where it is not seen.
-        rate_hz: Frames per second.
-        window_s: Length of the window [s]; under three frames long it does nothing.
+    Places [m] are NaN where not seen; a window under three frames long does nothing.
     """
     reach = int(window_s * rate_hz / 2)
     seen = np.isfinite(place[:, 0])
@@ -67,14 +64,10 @@ class Memory:
 
 
 def remember(place: np.ndarray, rate_hz: float, round_trip: bool) -> Memory:
-    """Give a joint that is seen at least once a place in every frame.
+    """Give a joint that is seen at least once a place in every frame (F, 3) [m].
 
-    Before the first sight, the place that comes stands for it.
-
-    Args:
-        place: (F, 3) [m], NaN where it is not seen.
-        rate_hz: Frames per second.
-        round_trip: The frame after the last is the first one.
+    Before the first sight, the place that comes stands for it. In a round trip the
+    frame after the last is the first one.
     """
     n = len(place)
     if round_trip:  # the round before is what it remembers at the start

@@ -67,7 +67,7 @@ def test_an_intent_holds_the_whole_motion_at_all_times(spheres, rng):
 def test_a_robot_at_rest_intends_to_stay(spheres):
     still = time_path(spheres.robot, np.zeros((1, 3)))
     threat = intent_threat(spheres, (Stretch(still, 0.0, 0.0),), T)
-    assert threat.strays(0.1) == 0.0 and threat.fastest == 0.0
+    assert threat.displacement_bound(0.1) == 0.0 and threat.fastest == 0.0
     assert np.allclose(threat.swept.spheres, spheres.at(np.zeros(3), T))
 
 
@@ -90,7 +90,7 @@ def test_old_data_make_the_spheres_larger(spheres):
     stale = limits_threat(spheres, T, q, dq, age=0.1)
     sizes = [t.between(0.0, 0.1)[0].spheres[:, 3] for t in (fresh, stale)]
     assert (sizes[1] > sizes[0]).any() and (sizes[1] >= sizes[0]).all()
-    assert stale.strays(0.1) > fresh.strays(0.1)
+    assert stale.displacement_bound(0.1) > fresh.displacement_bound(0.1)
 
 
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])

@@ -42,7 +42,7 @@ def test_somebody_comes_as_far_as_the_braking_test_counts_with(
     for k in range(120):
         seen = watcher.look(stands, PERIOD * k)
     assert seen.known.all()
-    assert comes == pytest.approx(seen.strays(time), rel=1e-9)
+    assert comes == pytest.approx(seen.displacement_bound(time), rel=1e-9)
 
 
 def test_a_slower_robot_of_the_same_limits_stops_sooner(small_map):
@@ -71,7 +71,7 @@ def test_a_robot_slow_to_stop_expects_more_of_somebody_who_is_calm(small_map, qu
         seen = watcher.look(stands, PERIOD * k)
     calm = seen.as_so_far()
     comes = slowest_stop(robot, ExecutionSettings(), PERIOD, seen.settings)[1]
-    assert comes == pytest.approx((calm if quick else seen).strays(time))
+    assert comes == pytest.approx((calm if quick else seen).displacement_bound(time))
 
     def told(threat):
         """Return how much larger the person is told to be in a few frames [m]."""

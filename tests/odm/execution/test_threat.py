@@ -278,7 +278,7 @@ def threats(age):
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
 def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
     for threat in threats(age):
-        assert threat.between(0.0, 0.1)[1] == threat.strays(0.1) == np.inf
+        assert threat.between(0.0, 0.1)[1] == threat.displacement_bound(0.1) == np.inf
         assert isinstance(threat, CloudThreat) or threat.likely(0.1) is None
     for threat in threats(0.0):
         assert threat.between(0.0, np.nan)[1] == np.inf
@@ -429,7 +429,7 @@ def test_a_part_that_grows_alone_grows(rng):
         threat = watcher.look(arms, 0.01 * k)
     grown = threat.between(0.1, 0.1)[0].capsules[:, 6] - arms[:, 6]
     assert grown[1] == pytest.approx(grown[0] + 0.1 * 1.0)
-    assert threat.strays(0.1) == pytest.approx(grown[1])
+    assert threat.displacement_bound(0.1) == pytest.approx(grown[1])
     arms[1, 6] -= 0.03  # it is seen again
     assert watcher.look(arms, 0.04).widening is None
     arms[1, 6] += 3.0  # no part grows so fast: it is a fault
@@ -458,9 +458,9 @@ def test_of_who_is_partly_calm_some_speed_up_no_harder_and_all_are_told():
     there, more = partly.between(0.0, 0.3)
     grown = there.capsules[:, 6] + more - threat.capsules[:, 6]
     assert np.array_equal(grown, np.where(these, calm, whole))
-    assert (partly.fastest, partly.strays(0.3)) == (
+    assert (partly.fastest, partly.displacement_bound(0.3)) == (
         threat.fastest,
-        threat.strays(0.3),
+        threat.displacement_bound(0.3),
     )
 
 
@@ -502,7 +502,7 @@ def test_of_what_is_left_alone_no_lately_makes_it_faster_and_parts_stay_theirs()
     lately = replace(alone, settings=replace(alone.settings, rise=50.0)).as_lately()
     assert growth(lately, 0.0, 0.3)[1] == 0.0 < growth(lately, 0.0, 0.3)[0]
     assert growth(alone.of(slice(1, None)), 0.0, 0.3)[0] == 0.0
-    assert alone.of(slice(0, 1)).strays(0.3) == growth(alone, 0.3, 0.3)[0]
+    assert alone.of(slice(0, 1)).displacement_bound(0.3) == growth(alone, 0.3, 0.3)[0]
 
 
 def test_what_was_just_seen_is_not_known_to_stand_and_nothing_makes_it_so():

@@ -7,7 +7,7 @@ from recorded import crane_recipe, new_loop, recorded, tampered, with_array
 from odm import build_map, load_map, load_recipe
 from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_names
 from sim.record import first_difference, is_record, read_record, run_again, write_record
-from sim.record.again import RecordedPerson, build_again, check_built, check_map
+from sim.record.again import ReplayedPerson, build_again, check_built, check_map
 from sim.record.recipe_toml import recipe_text
 from sim.record.record_check import BadRecord
 
@@ -153,7 +153,7 @@ def test_an_unknown_setting_is_refused(record, cell_map):
 
 
 def test_the_person_is_asked_for_no_time_beyond(record):
-    person = RecordedPerson(record)
+    person = ReplayedPerson(record)
     np.testing.assert_array_equal(person.capsules(1.99), record.person("capsules", 199))
     for t in (-0.01, 2.0):
         with pytest.raises(ValueError, match="from 0 to 1.99 s"):

@@ -12,7 +12,7 @@ from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import ThreatSettings, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import sphere_centers
-from sim.story.comfort import Berth, shunned
+from sim.story.comfort import Berth, comfort_rods
 from sim.story.handover import Handover, Step
 from sim.story.settings import ComfortSettings, ConductSettings
 
@@ -20,7 +20,9 @@ from sim.story.settings import ComfortSettings, ConductSettings
 def told(human, gaze, **settings):
     labels = human.labels
     hand = np.flatnonzero(labels == Part.RIGHT_HAND)
-    return shunned(human.capsules(), labels, hand, gaze, ComfortSettings(**settings))
+    return comfort_rods(
+        human.capsules(), labels, hand, gaze, ComfortSettings(**settings)
+    )
 
 
 def test_the_rod_goes_from_the_face_toward_the_hand_and_ends_before_it():
@@ -38,7 +40,7 @@ def test_the_rod_goes_from_the_face_toward_the_hand_and_ends_before_it():
     )
 
 
-def test_what_is_behind_the_person_is_shunned_where_the_gaze_is_known():
+def test_what_is_behind_the_person_is_avoided_where_the_gaze_is_known():
     human = Human(1.75).placed(1.0, 0.2, np.pi)
     gaze = np.array([-0.8, 0.0, -0.6])
     rods = told(human, gaze, face_to_hand=0.0)
@@ -60,7 +62,7 @@ def gap_of(robot, path, rod):
     return min(gaps)
 
 
-def test_new_paths_keep_off_what_is_shunned_where_they_can(small_map):
+def test_new_paths_keep_off_what_is_avoided_where_they_can(small_map):
     rng, gaps = np.random.default_rng(8), []
     for _ in range(30):
         low = rng.uniform([0.3, -0.4, 0.2], [0.8, 0.4, 0.6])

@@ -580,9 +580,7 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
     rooms = iter([0.004, 0.001, 0.03])
     look._before = lambda T, q: (q, next(rooms, 0.002))
     look._can_come = look._can_leave = lambda *told: True
-    look.begin(T, story._rest)
-    while not look.over and not look.found:
-        look.work()
+    look.first(T, story._rest)
     assert [reach.room for reach in look.found] == [0.03]
     look.begin(T, story._rest)
     while not look.over:

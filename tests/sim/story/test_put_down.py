@@ -256,10 +256,8 @@ def test_a_shorter_way_back_is_taken_where_no_longer_one_leads(
     monkeypatch.setattr(grasping, "straight_back", short)
     told = setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
     reaches = Reaches(*told, settings=settings)
-    reaches.begin(setup.T_place, setup.rest)
-    while not reaches.over and not reaches.found:
-        reaches.work()
-    assert bool(reaches.found) == (len(settings.shares) > 1)
+    found = reaches.first(setup.T_place, setup.rest)
+    assert bool(found) == (len(settings.shares) > 1)
 
 
 def test_the_hand_keeps_clear_of_what_the_object_is_put_onto(setup, monkeypatch):

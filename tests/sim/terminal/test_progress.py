@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 import time
 
 import pytest
@@ -55,6 +56,13 @@ def test_lines_come_from_the_first_moment_and_say_how_far_it_is(quick, capsys):
     assert "loading" in lines[0] and len(lines) >= 3
     assert any(re.match(r"frames: 25 of 100", line) for line in lines)
     assert not any("\x1b" in line or "\r" in line for line in lines)
+
+
+def test_nothing_is_imported_from_a_second_thread(quick, monkeypatch):
+    monkeypatch.delitem(sys.modules, "roadmap.kernel_cache")
+    with pulse("run"):
+        time.sleep(0.15)
+    assert "roadmap.kernel_cache" not in sys.modules
 
 
 def test_nothing_is_said_of_what_takes_no_time(capsys):
