@@ -100,8 +100,7 @@ class Executor:
         share = max(tracking - self.settings.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
         self._test, self._separation = BrakingTest(planner), SeparationWatch(planner)
-        looks = self.brakes and callable(getattr(planner, "evasion", None))
-        looks = looks and self.settings.yields
+        looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
         self._loaded: tuple[Robot | None, Robot] = None, robot
