@@ -137,7 +137,10 @@ class Berth:
         if not self._larger:
             return there
         rows[:people, 6] += larger
-        return Obstacles(capsules=rows)
+        told = Obstacles(capsules=rows)
+        rooms = [_room_text(wider) for wider in larger.tolist()]
+        told.labels = {"capsules": rooms + [""] * (len(rows) - people)}
+        return told
 
     def _lower(self) -> None:
         """Keep less for a while, and each time for longer."""
@@ -145,6 +148,11 @@ class Berth:
         if not self._level:
             self._left, self._again = self._again, 2 * self._again
         self._level = min(self._level + 1, len(_SHARES) - 1)
+
+
+def _room_text(wider: float) -> str:
+    """Return what names a part that is told larger [m]: reasons measure to all of it."""
+    return f"with {100 * wider:.1f} cm of room around it" if wider > 0.0 else ""
 
 
 def _middle(points: np.ndarray) -> np.ndarray:

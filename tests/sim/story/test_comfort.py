@@ -133,6 +133,9 @@ def test_a_slow_robot_is_told_of_a_larger_person_and_of_no_larger_object():
     assert np.allclose(grown, [berth.room, 0.0]) and berth.told == berth.room
     assert np.array_equal(around.capsules[:, :6], TWO[:, :6])
     assert np.array_equal(there.capsules, TWO)  # the executor brakes for these
+    # distances in the planner's reasons are to the larger person
+    named = [around.name(k) for k in range(2)]
+    assert named == ["capsule 0 (with 3.0 cm of room around it)", "capsule 1"]
 
 
 def test_a_quick_robot_and_one_beside_nobody_are_told_of_what_there_is():
