@@ -240,8 +240,9 @@ class Obstacles:
         """Return what shape k is called: its kind and number, and its label."""
         for kind, one, n in zip(KINDS, _ONE, self.counts.tolist(), strict=True):
             if k < n:
-                label = self.labels.get(kind)
-                return f"{one} {k}" + (f" ({label[k]})" if label else "")
+                labels = self.labels.get(kind)
+                label = labels[k] if labels else ""
+                return f"{one} {k}" + (f" ({label})" if label else "")
             k -= n
         return f"shape {k}"
 

@@ -151,7 +151,7 @@ class Berth:
 
 
 def _room_text(wider: float) -> str:
-    """Return what names a part that is told larger [m]: reasons measure to all of it."""
+    """Return the name of what a part is told larger by [m]; reasons measure to it."""
     return f"with {100 * wider:.1f} cm of room around it" if wider > 0.0 else ""
 
 
