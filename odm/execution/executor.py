@@ -149,6 +149,12 @@ class Executor:
         return SetPoint(q.copy(), dq.copy(), ddq.copy())
 
     @property
+    def carrying(self) -> Robot:
+        """The robot with what is in its hand, where the planner tells of that."""
+        static = getattr(self.planner, "static", None)
+        return self.robot if static is None else static.robot
+
+    @property
     def at_rest(self) -> bool:
         """Whether the motion in use is over."""
         return self.t >= self.motion.duration
@@ -269,7 +275,7 @@ class Executor:
         """Leave the motion in use for a path at the commit point."""
         scale = float(self.scales[self._level])
         told = (self.motion, self.t, commit, path, self._blend, scale)
-        self._take(self._timed.join(*told))
+        self._take(self._timed.join(*told, self.carrying))
         self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
@@ -311,6 +317,7 @@ class Executor:
             )
         if self._tracking.note:
             self.reason = ""
+        self._tracking.carry(self.carrying)
         self._tracking.measure(self.set_point.q, q)
         if not self.off:
             return

@@ -1,6 +1,7 @@
 """Timed following of a crooked path past what stands still: never off its way."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from small import AWAY, HOME, draw_arm
 import odm
 from odm.execution.executor import Executor
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import sphere_centers
 
 
 def follow(small_map, seed, frames=2000):
@@ -76,3 +78,25 @@ def test_a_robot_stands_where_a_list_says_and_is_measured_by_numbers(small_map):
     assert (executor.set_point.q == HOME).all()
     with pytest.raises(BadInput, match="the measured q"):
         executor.locate("here")
+
+
+def test_what_is_carried_strays_no_farther_either_where_a_corner_is_rounded(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    corners = HOME + np.array([[0, 0, 0], [-0.5, -0.2, 0], [-0.5, -0.2, -0.6]])
+    answer = SimpleNamespace(status="replanned", path=corners)
+    strayed = []
+    for ball in (None, np.array([[0.0, 0.3, 0.2, 0.02]])):
+        executor = Executor(small_map.robot, planner, HOME, 0.01)
+        if ball is not None:
+            planner.attach(ball)
+        executor.update(answer, executor.commit(), None)
+        held = planner.static.robot
+        (blend,) = [p for p in executor.motion.path.pieces if p.d > 0.0]
+        for s in np.linspace(blend.begin, blend.end, 21):
+            along = s - blend.begin - blend.d
+            beside = blend.corner() + along * (blend.u if along < 0.0 else blend.w)
+            off = sphere_centers(held, blend.at(s)[0]) - sphere_centers(held, beside)
+            strayed.append(float(np.linalg.norm(off, axis=1).max()))
+    share = small_map.safety.blending
+    assert 0.9 * share < max(strayed[:21]) <= share + 1e-9
+    assert 0.9 * share < max(strayed[21:]) <= share + 1e-9
