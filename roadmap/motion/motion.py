@@ -6,7 +6,7 @@ it (`stop`, `rescaled`, `join`) and hands it over by replacing one reference.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -245,10 +245,7 @@ class Motion:
         """
         scale = self.speed_scale if speed_scale is None else speed_scale
         check_scale(scale)
-        present = self.path
-        if robot is not None and robot is not present.robot:
-            present = replace(present, robot=robot)
-        told = (present, self.profile, t, commit, path, blend, scale)
+        told = (self.path, self.profile, t, commit, path, blend, scale, robot)
         return Motion(*joined(*told), scale)
 
 

@@ -100,3 +100,25 @@ def test_what_is_carried_strays_no_farther_either_where_a_corner_is_rounded(smal
     share = small_map.safety.blending
     assert 0.9 * share < max(strayed[:21]) <= share + 1e-9
     assert 0.9 * share < max(strayed[21:]) <= share + 1e-9
+
+
+def test_corners_ahead_are_rounded_anew_for_what_was_taken_meanwhile(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    executor = Executor(small_map.robot, planner, HOME, 0.01)
+    ways = [[0, 0, 0], [-0.5, 0, 0], [-0.5, -0.5, 0], [-0.5, -0.5, -0.5]]
+    corners = HOME + np.array(ways)
+    for ball in (None, np.array([[0.0, 0.3, 0.2, 0.02]])):
+        if ball is not None:
+            planner.attach(ball)
+        commit = executor.commit()
+        path = np.vstack([commit.q[None], corners[1:]])
+        executor.update(SimpleNamespace(status="replanned", path=path), commit, None)
+        executor.advance()
+    blends = [p for p in executor.motion.path.pieces if p.d > 0.0]
+    held = planner.static.robot
+    far = []
+    for blend in blends:
+        middle = blend.at(0.5 * (blend.begin + blend.end))[0]
+        off = sphere_centers(held, middle) - sphere_centers(held, blend.corner())
+        far.append(float(np.linalg.norm(off, axis=1).max()))
+    assert len(far) == 2 and max(far) <= small_map.safety.blending + 1e-9
