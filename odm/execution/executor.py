@@ -103,7 +103,7 @@ class Executor:
         looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
-        self._loaded: tuple[Robot | None, Robot] = None, robot
+        self._loaded = robot, robot
         self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
@@ -149,6 +149,22 @@ class Executor:
             known = self._point = self.motion, self.t, point
         q, dq, ddq = known[2]
         return SetPoint(q.copy(), dq.copy(), ddq.copy())
+
+    @property
+    def carrying(self) -> Robot:
+        """The robot with what is in its hand, where the planner tells of that.
+
+        What it holds is beyond the links: where a corner is rounded, or the robot is
+        pushed, it gets farther off than they do. The limits are those of `robot`.
+        """
+        static, robot = getattr(self.planner, "static", None), self.robot
+        held = robot if static is None else static.robot
+        if held is not self._loaded[0]:
+            if len(held.spheres) > len(robot.spheres):
+                own = {name: getattr(robot, name) for name in _LIMITS}
+                robot = replace(held, **own)
+            self._loaded = held, robot
+        return self._loaded[1]
 
     @property
     def at_rest(self) -> bool:
@@ -199,7 +215,6 @@ class Executor:
         It is on the path in use, even if the robot has not come to its beginning yet.
         A retreat from somebody goes to its end.
         """
-        self._follow_hand()
         least = self._least(self.t)
         known = self._next
         if known is not None and known[0] is self.motion:
@@ -218,25 +233,6 @@ class Executor:
     def _commit_at(self, t: float, least: float) -> Commit:
         delay = self.settings.commit_delay_s
         return self.motion.commit(t, delay, least, through_blends=True)
-
-    def _follow_hand(self) -> None:
-        """See that what the robot holds now strays no farther than its links may.
-
-        It is beyond the links: where a corner is rounded, or the robot is pushed, it
-        gets farther off than they do.
-        """
-        held = getattr(getattr(self.planner, "static", None), "robot", None)
-        if held is not self._loaded[0]:
-            robot = self.robot
-            if held is not None and len(held.spheres) > len(robot.spheres):
-                own = {name: getattr(robot, name) for name in _LIMITS}
-                robot = replace(held, **own)
-            self._loaded = held, robot
-            self._tracking.follow(robot)
-        robot = self._loaded[1]
-        if self.motion.path.robot is not robot:
-            path = replace(self.motion.path, robot=robot)
-            self.motion = replace(self.motion, path=path)
 
     def _least(self, t: float) -> float:
         """Return the arc length before which no new path begins."""
@@ -284,7 +280,7 @@ class Executor:
         """Leave the motion in use for a path at the commit point."""
         scale = float(self.scales[self._level])
         told = (self.motion, self.t, commit, path, self._blend, scale)
-        self._take(self._timed.join(*told))
+        self._take(self._timed.join(*told, self.carrying))
         self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
@@ -326,7 +322,7 @@ class Executor:
             )
         if self._tracking.note:
             self.reason = ""
-        self._follow_hand()
+        self._tracking.carry(self.carrying)
         self._tracking.measure(self.set_point.q, q)
         if not self.off:
             return
@@ -451,7 +447,9 @@ class Executor:
         stands, commit = self.at_rest, self.motion.commit(self.t, 0.0)
         for k, share in enumerate(shares):
             scale = share * self.settings.yield_scale
-            motion = self.motion.join(self.t, commit, path, blend=0, speed_scale=scale)
+            motion = self.motion.join(
+                self.t, commit, path, blend=0, speed_scale=scale, robot=self.carrying
+            )
             if self._evasion_free(motion, 0.0, threat):
                 self._take(motion)
                 self._evading, self._on_path = True, False

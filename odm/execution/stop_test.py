@@ -106,7 +106,7 @@ class BrakingTest:
         frame = getattr(self.planner, "frame", None)
         if frame is None or not math.isfinite(more) or not len(there.capsules):
             return None
-        robot = frame.static.robot  # with what it holds
+        robot = frame.static.robot  # with what is in its hand
         rods = moved_rods(there.capsules, frame.base_world)
         keeps = frame.cell_map.safety.m + self.settings.near
         before, found = None, np.zeros(len(rods), bool)

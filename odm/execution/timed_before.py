@@ -5,9 +5,12 @@ path, and for the same at a lower speed: milliseconds of timing. A motion never 
 so neither do the answers.
 """
 
+from functools import partial
+
 import numpy as np
 
 from roadmap.motion.motion import Commit, Motion
+from roadmap.robot.robot import Robot
 
 
 class TimedBefore:
@@ -26,14 +29,16 @@ class TimedBefore:
         path: np.ndarray,
         blend: float,
         speed_scale: float,
+        robot: Robot | None = None,
     ) -> Motion:
         """Return `motion.join`: the one of before, of a motion that is over."""
+        join = partial(motion.join, blend=blend, speed_scale=speed_scale, robot=robot)
         if t < motion.duration:
-            return motion.join(t, commit, path, blend=blend, speed_scale=speed_scale)
-        of, known = (motion, commit.s, commit.begin, blend, speed_scale), self._joined
+            return join(t, commit, path)
+        of = (motion, commit.s, commit.begin, blend, speed_scale, robot)
+        known = self._joined
         if known is None or not (_same(known[0], of) and _equal(known[1], path)):
-            told = motion.join(t, commit, path, blend=blend, speed_scale=speed_scale)
-            known = self._joined = of, np.array(path), told
+            known = self._joined = of, np.array(path), join(t, commit, path)
         return known[2]
 
     def rescaled(self, motion: Motion, t: float, speed_scale: float) -> Motion:

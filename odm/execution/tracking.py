@@ -16,7 +16,7 @@ class TrackingMonitor:
     """Compares the measured configuration with the set-point.
 
     Args:
-        robot: The robot.
+        robot: The robot, with what it carries at first.
         share: A deviation within this counts as none [m].
         period: Time between frames [s].
         settings: When it is held still.
@@ -43,9 +43,10 @@ class TrackingMonitor:
         self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
         self._last = 0.0  # how far it was when that was known last [m]
 
-    def follow(self, robot: Robot) -> None:
-        """Bound how far any point of a robot is that holds something else now."""
-        self._bounds = joint_motion_bounds(robot)
+    def carry(self, robot: Robot) -> None:
+        """Take the robot with what it carries now, whose points are looked at."""
+        if robot is not self.robot:
+            self.robot, self._bounds = robot, joint_motion_bounds(robot)
 
     def measure(self, set_point: np.ndarray, q: np.ndarray) -> None:
         """Take the set-point and the measured q, (dof,) each [rad or m]."""

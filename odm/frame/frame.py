@@ -580,6 +580,21 @@ class Frame:
         rho = self.rho if declared is None else declared
         return rounded_covering(rho, rounding or 0.0, ball)
 
+    def grown(self, radii: np.ndarray, balls: np.ndarray, extra: float) -> np.ndarray:
+        """Return radii (n,) that keep so much more distance from the points [m].
+
+        Of rounded surfaces a smaller ball needs more than a larger one.
+
+        Args:
+            radii: (n,) with the covering radius of the frame's points.
+            balls: (n,) the same without it.
+            extra: More distance; less where negative.
+        """
+        if extra >= 0.0 or self.sampled[1] is None:
+            return radii + extra
+        smaller = balls + extra
+        return smaller + [self.covering(ball) for ball in smaller.tolist()]
+
     def set_extra(self, extra: float) -> None:
         """Keep that much more distance than the map's clearance [m]."""
         self.extra = float(extra)
@@ -623,6 +638,12 @@ class Frame:
         return CloseTest(
             m.arm, m.robot_state.radii, tolerance, m.work, m.robot_state.bare
         )
+
+    def close_test_with(self, extra: float) -> CloseTest:
+        """Return the close test that keeps so much more distance, or less [m]."""
+        m, tolerance = self.memory, self.cell_map.motion_tolerance
+        radii = self.grown(self.radii, self.bare, extra)
+        return CloseTest(m.arm, radii, tolerance, m.work, self.bare + extra)
 
     def motion_clear(
         self,

@@ -140,8 +140,10 @@ class LastPhase:
         """
         kept, arm, radii, bare = self._protected_spheres(cover)
         tolerance, work = self.frame.cell_map.motion_tolerance, cover.work
-        told = (cover.arm, cover.radii + extra, tolerance, work, cover.bare + extra)
-        few = (arm, radii + extra, tolerance, work, bare + extra)
+        grown = self.frame.grown
+        all_radii = grown(cover.radii, cover.bare, extra)
+        told = (cover.arm, all_radii, tolerance, work, cover.bare + extra)
+        few = (arm, grown(radii, bare, extra), tolerance, work, bare + extra)
         return [(CloseTest(*told), None), (CloseTest(*few), kept)]
 
     def _protected_spheres(

@@ -84,4 +84,4 @@ class PathTest:
         cloud, bad = self._ahead.of_all(points)
         if bad:
             return 0
-        return self.frame.close_test.grown(extra).first_blocked(path, cloud, solids)
+        return self.frame.close_test_with(extra).first_blocked(path, cloud, solids)

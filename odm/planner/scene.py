@@ -187,7 +187,7 @@ class Scene:
 
     def set_static(self, p_world: np.ndarray) -> None:
         """Let (n, 3) points of the world be what `ReactivePlanner.set_static` set."""
-        self._p_world_static = p_world
+        self._p_world_static = np.array(p_world) if len(p_world) else None
         self.lay_out()
 
     def lay_out(self) -> None:

@@ -1,5 +1,6 @@
 """From a motion in use to another speed or path: no step, at best no stop."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,14 +47,18 @@ def joined(
     corners: np.ndarray,
     blend: float,
     scale: float,
+    robot: Robot | None = None,
 ) -> tuple[BlendedPath, SpeedProfile]:
     """Return path and profile that leave a motion for new corners; see `Motion.join`.
 
-    The present path is kept up to the last corner that both have in common.
+    The present path is kept up to the last corner that both have in common, but no
+    corner that was rounded for a robot with something else in its hand.
     """
     corners = _from_commit(present.robot, commit, corners)
     state = profile.state(t)
     kept, corner_s = present.along(commit.s, corners)
+    if robot is not None and robot is not present.robot:
+        present, kept, corner_s = replace(present, robot=robot), 0, commit.s
     if kept and kept + 1 == len(corners) and corner_s == present.corners[-1].s:
         return present, rescaled(present, profile, t, scale)
     # a little of what is behind stays: the state must lie on a piece of its own

@@ -223,6 +223,7 @@ class Motion:
         *,
         blend: float = BLEND,
         speed_scale: float | None = None,
+        robot: Robot | None = None,
     ) -> "Motion":
         """Return the motion that goes on to a commit point and then along `path`.
 
@@ -235,6 +236,8 @@ class Motion:
             path: (k, dof) corners; the first is the commit point.
             blend: As in `time_path`.
             speed_scale: Share of the velocity limits; None keeps the present one.
+            robot: The robot with what it carries by now, whose cover bounds what is
+                rounded from the commit point on; None: that of this motion.
 
         Raises:
             BadInput: The path does not begin at the commit point, or leaves the
@@ -242,9 +245,8 @@ class Motion:
         """
         scale = self.speed_scale if speed_scale is None else speed_scale
         check_scale(scale)
-        return Motion(
-            *joined(self.path, self.profile, t, commit, path, blend, scale), scale
-        )
+        told = (self.path, self.profile, t, commit, path, blend, scale, robot)
+        return Motion(*joined(*told), scale)
 
 
 def time_path(

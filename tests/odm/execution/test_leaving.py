@@ -130,6 +130,16 @@ def test_a_robot_that_was_placed_leaves_the_same_people(small_map):
             assert left_by(scene, replace(threat, capsules=seen)) == told
 
 
+def test_a_way_on_which_what_is_carried_comes_nearer_does_not_lead_away(small_map):
+    scene = Beside(small_map, 0.012, AWAY)
+    robot, beyond = small_map.robot, scene.place - (scene.radius + 0.04) * scene.out
+    assert left_by(scene, scene.threat()) == [True]
+    inverse = np.linalg.inv(tool_pose(robot, START))
+    ball = inverse[:3, :3] @ beyond + inverse[:3, 3]
+    scene.planner.attach(np.array([[*ball, 0.02]]))
+    assert left_by(scene, scene.threat()) is None
+
+
 def test_who_stands_in_its_way_may_thrust_and_touch_it_only_once_it_stands(small_map):
     """They begin as hard as they may, and harder from then on as fast as they may."""
     s, worst, touched = ThreatSettings(), np.inf, 0

@@ -89,9 +89,18 @@ def test_what_it_holds_strays_no_farther_than_its_links_where_a_corner_is_rounde
         off = there - sphere_centers(loaded, way.at(s)[0])
         worst = max(worst, np.linalg.norm(off, axis=2).min(axis=0).max())
     assert 0.001 < worst < small_map.safety.blending + 1e-4
+    assert way.robot is executor.carrying
     planner.detach()
-    executor.commit()
-    assert executor.motion.path.robot is robot
+    assert executor.carrying is robot
+
+
+def test_what_it_holds_leaves_the_executor_s_own_limits_as_they_are(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    slower = replace(small_map.robot, max_velocity=0.5 * small_map.robot.max_velocity)
+    executor = Executor(slower, planner, HOME, 0.01)
+    planner.attach(ROD)
+    assert len(executor.carrying.spheres) > len(slower.spheres)
+    assert np.array_equal(executor.carrying.max_velocity, slower.max_velocity)
 
 
 def test_a_push_is_told_by_what_it_holds_too(small_map):
@@ -124,3 +133,47 @@ def test_a_robot_stands_where_a_list_says_and_is_measured_by_numbers(small_map):
     assert (executor.set_point.q == HOME).all()
     with pytest.raises(BadInput, match="the measured q"):
         executor.locate("here")
+
+
+def test_what_is_carried_strays_no_farther_either_where_a_corner_is_rounded(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    corners = HOME + np.array([[0, 0, 0], [-0.5, -0.2, 0], [-0.5, -0.2, -0.6]])
+    answer = SimpleNamespace(status="replanned", path=corners)
+    strayed = []
+    for ball in (None, np.array([[0.0, 0.3, 0.2, 0.02]])):
+        executor = Executor(small_map.robot, planner, HOME, 0.01)
+        if ball is not None:
+            planner.attach(ball)
+        executor.update(answer, executor.commit(), None)
+        held = planner.static.robot
+        (blend,) = [p for p in executor.motion.path.pieces if p.d > 0.0]
+        for s in np.linspace(blend.begin, blend.end, 21):
+            along = s - blend.begin - blend.d
+            beside = blend.corner() + along * (blend.u if along < 0.0 else blend.w)
+            off = sphere_centers(held, blend.at(s)[0]) - sphere_centers(held, beside)
+            strayed.append(float(np.linalg.norm(off, axis=1).max()))
+    share = small_map.safety.blending
+    assert 0.9 * share < max(strayed[:21]) <= share + 1e-9
+    assert 0.9 * share < max(strayed[21:]) <= share + 1e-9
+
+
+def test_corners_ahead_are_rounded_anew_for_what_was_taken_meanwhile(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    executor = Executor(small_map.robot, planner, HOME, 0.01)
+    ways = [[0, 0, 0], [-0.5, 0, 0], [-0.5, -0.5, 0], [-0.5, -0.5, -0.5]]
+    corners = HOME + np.array(ways)
+    for ball in (None, np.array([[0.0, 0.3, 0.2, 0.02]])):
+        if ball is not None:
+            planner.attach(ball)
+        commit = executor.commit()
+        path = np.vstack([commit.q[None], corners[1:]])
+        executor.update(SimpleNamespace(status="replanned", path=path), commit, None)
+        executor.advance()
+    blends = [p for p in executor.motion.path.pieces if p.d > 0.0]
+    held = planner.static.robot
+    far = []
+    for blend in blends:
+        middle = blend.at(0.5 * (blend.begin + blend.end))[0]
+        off = sphere_centers(held, middle) - sphere_centers(held, blend.corner())
+        far.append(float(np.linalg.norm(off, axis=1).max()))
+    assert len(far) == 2 and max(far) <= small_map.safety.blending + 1e-9

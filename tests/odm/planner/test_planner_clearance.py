@@ -82,6 +82,22 @@ def test_braking_sees_points_outside_the_grid(small_map, planner):
     assert planner.blocked_leg(q[None], gap - keep + 1e-6) == 0
 
 
+def test_less_distance_from_a_rounded_surface_is_no_touch(small_map, planner):
+    """A ball inside the last sphere, no sample within rho of where it is deepest."""
+    robot, safety, radius = small_map.robot, small_map.safety, 0.2
+    tip, ball = sphere_centers(robot, HOME)[-1], robot.spheres[-1, 3]
+    out = tip / np.linalg.norm(tip)
+    turn = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    across = np.linalg.svd(out[None])[2][1:]
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ across
+    for gap, leg in ((-0.0002, 0), (0.03, None)):
+        centre = tip + (ball + gap + radius) * out
+        rim, depth = 0.999 * safety.rho, 0.5 * (0.999 * safety.rho) ** 2 / radius
+        points = centre - (radius - depth) * out + (rim**2 - depth**2) ** 0.5 * ring
+        planner.step(points, q=HOME, rounding=radius)
+        assert planner.blocked_leg(HOME[None], -safety.m) == leg
+
+
 def test_a_point_that_is_no_number_blocks_every_leg(planner):
     nan = np.array([[5.0, np.nan, 0.0]])
     assert planner.blocked_leg(np.stack([HOME, AWAY]), 0.0, nan) == 0

@@ -240,6 +240,23 @@ def test_set_static_and_the_scene_stand_side_by_side(planner):
     assert planner.memory.graph.closed.sum() == alone > 0
 
 
+def test_a_buffer_that_is_filled_anew_changes_no_scenery(planner):
+    tip = tool_pose(planner.robot, HOME)[:3, 3]
+    buffer = odm.sample_capsules([[*tip, *tip, 0.05]], 0.03)
+    planner.set_static(buffer)
+    assert not planner.is_free(HOME, HOME)
+    buffer[:] = 3.0
+    planner.set_base(np.eye(4))
+    assert not planner.is_free(HOME, HOME)
+
+
+def test_scenery_of_no_points_is_none_to_a_memory(small_map):
+    planner, fresh = odm.ReactivePlanner(small_map), odm.ReactivePlanner(small_map)
+    planner.set_static(NOBODY)
+    fresh.load_memory(planner.save_memory())
+    assert not differences(fresh.save_memory(), planner.save_memory())
+
+
 def test_a_scene_file_is_loaded_whole_or_not_at_all(planner, tmp_path):
     file = tmp_path / "cell.scene"
     file.write_text(

@@ -150,6 +150,19 @@ def test_within_the_tracking_share_it_goes_on_and_beyond_it_stops(pushable):
     assert executor.reason == "pushed 34 mm off its path; stopped"
 
 
+def test_how_far_a_push_moves_what_is_carried_counts_too(pushable):
+    executor, share = pushable.executor, pushable.planner.cell_map.safety.tracking
+    q = executor.set_point.q + pushable.beside(0.9 * share)
+    executor.locate(q)
+    assert executor.off == 0.0
+    pushable.planner.attach(np.array([[0.0, 0.0, 0.3, 0.02]]))
+    executor.locate(q)
+    assert executor.off > share
+    pushable.planner.detach()
+    executor.locate(q)
+    assert executor.off == 0.0
+
+
 def test_what_the_encoders_may_be_wrong_by_comes_off_the_share(small_map):
     share = small_map.safety.tracking
     told = Pushable(small_map, ExecutionSettings(encoder_error=0.5 * share))
