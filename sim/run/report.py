@@ -31,6 +31,7 @@ def print_report(
     tables = [safety_table(results, alone)]
     if any(result.holds for result in results):
         tables.append(hold_table(results))
+    tables += [text for result in results for text in begun_inside(result)]
     tables += [latency_table(result) for result in results]
     spaced = [part for table in tables for part in (table, "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
@@ -62,6 +63,17 @@ def hold_table(results: Sequence[RunResult], most: int = 3) -> Table:
         for reason, count, seconds in result.hold_reasons(most):
             table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
     return table
+
+
+def begun_inside(result: RunResult) -> list[str]:
+    """Say that robot and person began within each other, if so: a run of no worth."""
+    if not result.frames or result.separation[0] > 0:
+        return []
+    return [
+        f"Person and robot begin {abs(100 * result.separation[0]):.1f} cm inside each "
+        f"other, so {result.motion} shows little of this robot; a recorded person can "
+        "stand elsewhere (--motion mocap --stand)"
+    ]
 
 
 def latency_table(result: RunResult) -> Table:

@@ -53,6 +53,13 @@ def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
     assert result.summary()["contact_frames"] == 2
 
 
+def test_a_run_that_begins_with_the_robot_in_the_person_says_so():
+    apart = text_of([result_of([0.1, -0.073], [0.0, 0.0])])
+    inside = text_of([result_of([-0.073, 0.1], [0.0, 0.0])])
+    assert "inside each other" not in apart
+    assert "begin 7.3 cm inside each other, so sweep shows little" in inside
+
+
 def test_who_came_to_a_standing_robot_is_counted_apart():
     gaps = [0.1, -0.01, -0.02, 0.1, -0.01, 0.1, 0.0]
     result = result_of(gaps, [1.0, 0.0, 0.50, 1.0, 0.00, 1.0, 0.02])
