@@ -127,7 +127,15 @@ def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]
         "  of those with nobody": _share(result, alone),
         "path changes per minute": f"{result.path_changes / minutes:.1f}",
         "holding": f"{100 * held:.0f} %",
+        "slowed or braked on its way": _slowed(result),
     }
+
+
+def _slowed(result: RunResult) -> str:
+    """Return the share of the time in which the person slowed it, where it brakes."""
+    if result.slowed_s is None:
+        return "-"
+    return f"{100 * result.slowed_s / result.duration_s:.0f} %"
 
 
 def _share(result: RunResult, alone: RunResult | None) -> str:

@@ -68,6 +68,15 @@ def test_who_came_to_a_standing_robot_is_counted_apart():
     assert "the person came to it standing" in text_of([result])
 
 
+def test_time_slowed_for_the_person_is_told_apart_from_holding():
+    result = replace(result_of([0.3] * 4, [1.0] * 4), slowed_s=0.03)
+    row = [s for s in text_of([result]).splitlines() if "slowed or braked" in s]
+    assert row[0].split()[-2:] == ["75", "%"]
+    assert result.summary()["slowed_s"] == 0.03
+    kinematic = result_of([0.3], [1.0])
+    assert "slowed_s" not in kinematic.summary()
+
+
 def test_tables_fit_a_narrow_terminal_and_no_number_is_broken():
     file = open("/dev/null", "w")
     console = Console(width=80, record=True, file=file)
