@@ -94,7 +94,7 @@ class Reasons:
         gap, keep, link, what, point = frame.nearest(self.q)
         if gap < keep:
             text = (
-                f"the start is in contact: {what} is {in_cm(gap)} from {link}, "
+                f"the start is in contact: {what} is {_less(gap, keep)} from {link}, "
                 f"closer than {in_cm(keep)}; move it {_more(keep - gap)} away, or "
                 "let the robot get out of its way (answer.retreat)"
             )
@@ -107,7 +107,7 @@ class Reasons:
         if len(blocked) == len(rows):
             gap, keep, link, what, point = rows[0]
             text = (
-                f"goal 0 is blocked: {what} would be {in_cm(gap)} from {link} "
+                f"goal 0 is blocked: {what} would be {_less(gap, keep)} from {link} "
                 f"there, closer than {in_cm(keep)}; move it {_more(keep - gap)} away"
             )
             more = len(rows) - 1
@@ -196,6 +196,12 @@ class Reasons:
 def _more(length: float) -> str:
     """Return how far something must be moved [m]: rounded up, never 0.0 cm."""
     return in_cm(max(np.ceil(1000.0 * length), 1.0) / 1000.0)
+
+
+def _less(gap: float, keep: float) -> str:
+    """Return a gap [m] below the one to keep [m] so that it reads as less, too."""
+    told = in_cm(gap)
+    return in_cm(round(keep, 3) - 0.001) if told == in_cm(keep) else told
 
 
 def _unpack(block: int, word: int, frame: Frame) -> list[tuple[int, int, int]]:

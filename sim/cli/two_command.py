@@ -115,12 +115,11 @@ def _alone(maps: tuple, settings: object) -> list[float]:
     from dataclasses import replace
 
     from roadmap.transforms import pose_of
-    from sim.two.two_members import PLANNED
     from sim.two.two_robots import run_two as run
 
     brief = min(ALONE_S, settings.duration_s)
     apart = pose_of((FAR, 0.0, 0.0), (0.0, 0.0, 0.0))
-    result = run(maps, apart, replace(settings, duration_s=brief, other=PLANNED))
+    result = run(maps, apart, replace(settings, duration_s=brief))
     return result.summary()["trips_per_minute"]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.execution.executor import RETREATING, Executor
+from odm.execution.executor import BRAKED, RETREATING, SLOWED, Executor
 from odm.execution.kinematic import KinematicMover
 from odm.execution.settings import ExecutionSettings
 from odm.execution.speed_limit import NOBODY
@@ -444,8 +444,15 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
         pushed=None if loop.body is None else loop.body.figures(),
+        slowed_s=slowed_of(frames) / rate if loop.executor.brakes else None,
         **rows,
     )
+
+
+def slowed_of(frames: list[Frame]) -> int:
+    """Return in how many frames it had a path and was slowed or braked for somebody."""
+    led = (frame.pace for frame in frames if frame.answer.status != "holding")
+    return sum(pace in (SLOWED, BRAKED) for pace in led)
 
 
 def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:

@@ -60,6 +60,8 @@ class RunResult:
         pushed: What happened to a robot that was pushed, see `PushedRobot.figures`;
             then `q`, `separation` and `point_speed` are the true robot's, and
             `joint_speed` its set-point's: it moves where it is told to move.
+        slowed_s: How long it had a path and was slowed or braked for the person [s];
+            None: it brakes for nobody.
     """
 
     motion: str
@@ -83,6 +85,7 @@ class RunResult:
     improve_cpu_s: np.ndarray | None = None
     retreat: np.ndarray | None = None
     pushed: dict | None = None
+    slowed_s: float | None = None
 
     def __post_init__(self) -> None:
         freeze(self, q=float, capsules=float, separation=float, joint_speed=float)
@@ -167,6 +170,7 @@ class RunResult:
             "hold_reasons": self.hold_reasons(most=10),
             "trajectory_sha256": self.fingerprint(),
             **({"pushed": self.pushed} if self.pushed else {}),
+            **({} if self.slowed_s is None else {"slowed_s": self.slowed_s}),
         }
 
     def timing(self) -> dict:

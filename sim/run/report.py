@@ -25,6 +25,7 @@ def print_report(
     tables = [safety_table(results, alone)]
     if any(result.holds for result in results):
         tables.append(hold_table(results))
+    tables += [text for result in results for text in begun_inside(result)]
     tables += [latency_table(result) for result in results]
     spaced = [part for table in tables for part in (Fitted(table), "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
@@ -56,6 +57,17 @@ def hold_table(results: Sequence[RunResult], most: int = 3) -> Table:
         for reason, count, seconds in result.hold_reasons(most):
             table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
     return table
+
+
+def begun_inside(result: RunResult) -> list[str]:
+    """Say that robot and person began within each other, if so: a run of no worth."""
+    if not result.frames or result.separation[0] > 0:
+        return []
+    return [
+        f"Person and robot begin {abs(100 * result.separation[0]):.1f} cm inside each "
+        f"other, so {result.motion} shows little of this robot; a recorded person can "
+        "stand elsewhere (--motion mocap --stand)"
+    ]
 
 
 def latency_table(result: RunResult) -> Table:
@@ -109,7 +121,15 @@ def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]
         "  of those with nobody": _share(result, alone),
         "path changes per minute": f"{result.path_changes / minutes:.1f}",
         "holding": f"{100 * held:.0f} %",
+        "slowed or braked on its way": _slowed(result),
     }
+
+
+def _slowed(result: RunResult) -> str:
+    """Return the share of the time in which the person slowed it, where it brakes."""
+    if result.slowed_s is None:
+        return "-"
+    return f"{100 * result.slowed_s / result.duration_s:.0f} %"
 
 
 def _share(result: RunResult, alone: RunResult | None) -> str:

@@ -255,15 +255,23 @@ def summary_of(result: StoryResult) -> str:
             f", {result.object_contacts} of the object with others than the arm that "
             "takes part"
         )
-    when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
     return (
-        f"{result.outcome or result.state}{when}; {result.contacts} contacts, "
+        f"{_ending(result)}; {result.contacts} contacts, "
         f"{result.standing_contacts} while it stood{touched}, separation at least "
         f"{100 * result.closest:.1f} cm\n"
         f"stops {result.stops}, new paths {result.path_changes}, "
         f"within 30 cm of the person at most {result.fastest_near:.2f} m/s\n"
         f"a frame, CPU ms: " + ", ".join(f"{k} {v}" for k, v in cpu.items())
     )
+
+
+def _ending(result: StoryResult) -> str:
+    """Return what came of a run, and when; or where it was when the time was up."""
+    when = "" if result.handed_s is None else f" after {result.handed_s:.1f} s"
+    if result.outcome:
+        return f"{result.outcome}{when}"
+    told = f"it ends in {result.state}, before the story is over (--seconds: longer)"
+    return f"handed over{when}, but {told}" if when else told
 
 
 def figures_of(result: StoryResult) -> dict:

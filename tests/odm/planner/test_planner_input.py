@@ -1,5 +1,7 @@
 """Bad values hold the robot with a reason; bad programs raise one sentence."""
 
+import re
+
 import numpy as np
 import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
@@ -83,6 +85,20 @@ def test_a_blocked_goal_is_named_with_what_would_help(planner):
     assert answer.reason.startswith("goal 0 is blocked")
     assert "away" in answer.reason
     assert answer.goal is None
+
+
+def test_what_is_too_near_reads_as_nearer_than_what_is_kept(planner):
+    planner.set_goals([AWAY])
+    near, far = 0.155, 0.175
+    while far - near > 1e-5:
+        y = (near + far) / 2
+        answer = planner.step(ball_at([-0.5, y, 0.25], 0.08), q=HOME)
+        if "goal 0 is blocked" in (answer.reason or ""):
+            near, reason = y, answer.reason
+        else:
+            far = y
+    gap, keep = re.findall(r"(\S+) cm from .* closer than (\S+) cm", reason)[0]
+    assert float(gap) < float(keep), reason
 
 
 def test_no_goal_holds(planner):

@@ -334,6 +334,9 @@ def test_pushed_beside_every_motion_it_touches_nobody_while_it_moves(small_map, 
     assert sum(result.pushed[kind] for kind in KINDS) >= 2
     assert result.pushed["farthest_m"] > 0.002
     assert any("off its path; stopped" in frame.brake for frame in frames)
+    led = [frame for frame in frames if frame.answer.status != "holding"]
+    slowed = [frame for frame in led if frame.pace in ("slowed", "braked")]
+    assert result.slowed_s == len(slowed) / result.rate_hz
 
 
 def test_a_pushed_robot_makes_its_trips_and_the_same_seed_the_same_run(small_map):

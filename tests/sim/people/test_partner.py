@@ -171,3 +171,12 @@ def test_a_summary_tells_of_an_object_that_touched_somebody():
     assert "of the object" not in summary_of(result)
     result.object_contacts = 26
     assert "26 of the object with others than the arm that takes" in summary_of(result)
+
+
+def test_a_summary_tells_that_the_time_was_up_before_the_end():
+    result = StoryResult(None, True, "approach", cpu_s=[0.001], closest=0.1)
+    assert "it ends in approach, before the story is over" in summary_of(result)
+    result.handed_s = 12.34
+    assert "handed over after 12.3 s, but it ends in approach" in summary_of(result)
+    result.outcome = "handed over"
+    assert summary_of(result).startswith("handed over after 12.3 s; 0 contacts")

@@ -57,12 +57,28 @@ def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
     assert result.summary()["contact_frames"] == 2
 
 
+def test_a_run_that_begins_with_the_robot_in_the_person_says_so():
+    apart = text_of([result_of([0.1, -0.073], [0.0, 0.0])])
+    inside = text_of([result_of([-0.073, 0.1], [0.0, 0.0])])
+    assert "inside each other" not in apart
+    assert "begin 7.3 cm inside each other, so sweep shows little" in inside
+
+
 def test_who_came_to_a_standing_robot_is_counted_apart():
     gaps = [0.1, -0.01, -0.02, 0.1, -0.01, 0.1, 0.0]
     result = result_of(gaps, [1.0, 0.0, 0.50, 1.0, 0.00, 1.0, 0.02])
     assert result.contacts == 2 and result.standing_contacts == 1
     assert result.summary()["standing_contacts"] == 1
     assert "the person came to it standing" in text_of([result])
+
+
+def test_time_slowed_for_the_person_is_told_apart_from_holding():
+    result = replace(result_of([0.3] * 4, [1.0] * 4), slowed_s=0.03)
+    row = [s for s in text_of([result]).splitlines() if "slowed or braked" in s]
+    assert row[0].split()[-2:] == ["75", "%"]
+    assert result.summary()["slowed_s"] == 0.03
+    kinematic = result_of([0.3], [1.0])
+    assert "slowed_s" not in kinematic.summary()
 
 
 def test_tables_fit_a_narrow_terminal_and_no_number_is_broken():

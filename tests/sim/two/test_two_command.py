@@ -47,6 +47,15 @@ def test_json_stands_alone_on_the_terminal(odm, map_dir):
     assert json.loads(said)["other"] == "scripted"
 
 
+def test_a_scripted_robot_alone_is_scripted_too(odm, map_dir):
+    _, said, _ = odm(
+        "run-two", "--map", map_dir, "--seconds", 5, "--base", 5, 0, 0, "--json",
+        "--other", "scripted", "--rate", 20,
+    )  # fmt: skip
+    figures = json.loads(said)
+    assert figures["alone_trips_per_minute"] == figures["trips_per_minute"]
+
+
 def test_a_base_in_the_first_robot_is_one_sentence(odm, map_dir):
     code, _, said = odm(
         "run-two", "--map", map_dir, "--seconds", 1, "--base", 0.1, 0, 0
