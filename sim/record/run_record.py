@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from odm.execution.executor import RETREATING
-from sim.loop.run_result import Hold, RunResult
+from odm.execution.executor import BRAKED, RETREATING, SLOWED
+from sim.loop.run_result import STATUS, Hold, RunResult
 
 # formats: of a recording, of one with a payload, of one with a scene, of a hand-over,
 # of a run to hand-over targets
@@ -109,7 +109,18 @@ class RunRecord:
             **dict.fromkeys(("wall_s", "cpu_s", "improve_s"), np.zeros(n)),
             stages={},
             retreat=self._retreat(),
+            slowed_s=self._slowed(),
         )
+
+    def _slowed(self) -> float | None:
+        """Return how long a person slowed it on its way; see `RunResult.slowed_s`."""
+        if self.head["settings"].get("execution") != "timed":
+            return None
+        names = self.head["pace_names"]
+        codes = [k for k, name in enumerate(names) if name in (SLOWED, BRAKED)]
+        led = self.arrays["status"] != STATUS.index("holding")
+        frames = int((np.isin(self.arrays["pace"], codes) & led).sum())
+        return frames / self.rate_hz
 
     def _retreat(self) -> np.ndarray:
         """Return (F,) 1 where the robot backed off, 2 where it escaped."""

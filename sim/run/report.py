@@ -22,12 +22,12 @@ def print_report(
     console: Console | None = None,
 ) -> None:
     """Print all tables; `alone` is a run without a person, to compare trips."""
-    tables = [safety_table(results, alone)]
+    shown: list = [Fitted(safety_table(results, alone))]
     if any(result.holds for result in results):
-        tables.append(hold_table(results))
-    tables += [text for result in results for text in begun_inside(result)]
-    tables += [latency_table(result) for result in results]
-    spaced = [part for table in tables for part in (Fitted(table), "")]
+        shown.append(Fitted(hold_table(results)))
+    shown += [text for result in results for text in begun_inside(result)]
+    shown += [Fitted(latency_table(result)) for result in results]
+    spaced = [part for each in shown for part in (each, "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 
