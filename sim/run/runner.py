@@ -29,6 +29,7 @@ from sim.terminal.progress import Bars, silence
 
 Task = PlacesTask | MeetTask | PlanTask
 SPURT_S = 0.3  # a touch while it stopped is looked back from by this
+HINDERED = 0.1  # share of the time: who is slowed for longer is told why
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
 
@@ -159,8 +160,8 @@ def notes_of(request: RunRequest, loop: Loop, result: RunResult) -> list[str]:
         notes.append(ending)
     if isinstance(loop.executor, Executor):
         notes += touched_in(result, loop.executor.quick)
-        slow = loop.executor.brakes and not loop.executor.quick
-        if slow and result.capsules.shape[1]:
+        slowed = (result.slowed_s or 0.0) > HINDERED * result.duration_s
+        if slowed and not loop.executor.quick:
             s = loop.settings
             notes += slow_stop(loop.robot, s.speed_scale, 1.0 / s.rate_hz)
     return notes

@@ -185,13 +185,13 @@ def test_a_robot_that_takes_long_to_stop_says_how_far_a_person_comes_meanwhile(c
     assert float(re.search(r"([0-9]+) cm", less)[1]) < cm
 
 
-@pytest.mark.parametrize("brakes", [True, False])
-def test_a_run_of_a_robot_slow_to_stop_says_so_where_it_brakes(
-    careful, crane, places, statue, brakes
+@pytest.mark.parametrize("slowed_s", [None, 0.004, 0.02])
+def test_a_run_in_which_a_robot_slow_to_stop_was_slowed_says_why(
+    careful, crane, places, statue, slowed_s
 ):
     settings = LoopSettings(duration_s=0.05, execution="timed")
     loop = Loop(careful, crane, places, statue, settings)
-    result = run_frames(loop)
-    loop.executor.brakes = brakes
+    result = replace(run_frames(loop), slowed_s=slowed_s)
     notes = notes_of(RunRequest(map_dir=Path("any"), execution="timed"), loop, result)
-    assert any("near people it is slow" in note for note in notes) == brakes
+    told = any("near people it is slow" in note for note in notes)
+    assert told == (slowed_s == 0.02)
