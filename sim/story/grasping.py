@@ -314,6 +314,10 @@ class Reaches:
         self._seeds = self.settings.seeds
         self.work()
 
+    def outdate(self) -> None:
+        """Let all be looked for anew: the object has left what they were found for."""
+        self._T = None
+
     def first(self, T_base_object: np.ndarray, q: np.ndarray) -> list[Reach]:
         """Begin anew, and look until something is found or nothing is left."""
         self.begin(T_base_object, q)

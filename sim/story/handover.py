@@ -190,6 +190,7 @@ class Handover:
         self._taken: Reach | None = None
         self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
         self._tried = 0  # how often no motion to the object was free, in a row
+        self._out_of_line = False  # the straight motion does not lead to it any more
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._places = Places(0)  # where it may be put down
         self._came: tuple[float, float] = 0.0, 0.0  # when to one, hindered by then [s]
@@ -703,9 +704,11 @@ class Handover:
 
     def _forget_object(self, signal: str) -> None:
         self._tried = self._tried + 1 if signal == "blocked" else 0
-        if signal == "blocked" and self._taken is not None:
+        if signal == "blocked" and self._out_of_line:
+            self._reaches.outdate()  # it has turned, or moved a little: anew for there
+        elif signal == "blocked" and self._taken is not None:
             self._reaches.drop(self._taken)
-        self.fingers, self._taken = OPEN, None
+        self.fingers, self._taken, self._out_of_line = OPEN, None, False
 
     def _fetching(self) -> list[Step]:
         reach = self._reach_at_place()
@@ -1236,6 +1239,7 @@ class Handover:
         line = self._line
         if line is None or np.linalg.norm(T[:3, 3] - line[0]) > self.conduct.tracked:
             q_end = self._reaches.moved_to(reach, T)
+            self._out_of_line = q_end is None
             self._line = None if q_end is None else (T[:3, 3].copy(), q_end)
         if self._line is None:
             return _holding("the object is out of reach of the straight motion")

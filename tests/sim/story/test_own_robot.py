@@ -879,6 +879,26 @@ def test_an_object_that_no_motion_leads_to_is_given_up_after_some_tries(
     assert not story.holding
 
 
+def test_an_object_that_turned_out_of_the_straight_motion_is_looked_at_anew(
+    maps, monkeypatch
+):
+    begin, moved_to, begun, asked = Reaches.begin, Reaches.moved_to, [], []
+
+    def counted(reaches, T, q):
+        begun.append(T)
+        begin(reaches, T, q)
+
+    def turned(reaches, reach, T):  # for what was found before
+        asked.append(len(begun))
+        return None if asked[-1] == asked[0] else moved_to(reaches, reach, T)
+
+    monkeypatch.setattr(Reaches, "begin", counted)
+    monkeypatch.setattr(Reaches, "moved_to", turned)
+    story, states = receive(maps, lambda story: True, tries=3, blocked_s=0.2)
+    assert states.count("close") == 2 and len(begun) > asked[0]
+    assert story.holding and states[-1] == "kept"
+
+
 def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monkeypatch):
     story, _ = story_of(maps, "receive")
     q = story.executor.set_point.q
