@@ -165,7 +165,7 @@ class ReactivePlanner:
         self._set_rules()
         self.last: Answer | None = None
         # what `respond` said last, and the rows and the goal that this stands for
-        self._said, self._ahead, self._goal = -1, path.q[:0], -1
+        self._said, self._ahead, self._goal = None, path.q[:0], -1
         self._code = codes.NOT_ASKED
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
@@ -481,7 +481,8 @@ class ReactivePlanner:
         if not closed:
             shapes = frame.obstacles is not None and frame.n_given == 0
             closed = shapes or labels is not None
-        if said % _SEGMENT > _PLANNED:  # or it was not answered yet
+        # mostly it is what was said before, a path; else it may not be answered yet
+        if said != self._said and said % _SEGMENT > _PLANNED:
             if frame.trouble is not None:
                 return self._hold(begun, closed, frame.trouble)
             said = self.decision.decide(q, now, said)
