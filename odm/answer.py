@@ -202,9 +202,12 @@ class Work:
 
 @dataclass(frozen=True)
 class Freedom:
-    """Whether a motion is free; true or false, and which test failed, with a sentence.
+    """Whether a motion is free; true or false, and which test failed.
 
-    `failed` is "limits", "self-collision", "scenery", "frame", or None when free.
+    Attributes:
+        free: True when all tests passed over the whole motion.
+        failed: "limits", "self-collision", "scenery" or "frame"; None when free.
+        reason: One sentence; empty when free.
     """
 
     free: bool

@@ -60,10 +60,11 @@ class AgentArm:
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """How an agent stands: height of its base, joints that no arm moves.
+    """How an agent stands.
 
-    `T_floor_base` (4, 4) is its base frame over the floor below it [m], `joints` are
-    values by name [rad].
+    Attributes:
+        T_floor_base: (4, 4) its base frame over the floor below it [m].
+        joints: Where joints that no arm moves stand [rad].
     """
 
     T_floor_base: np.ndarray = field(default_factory=lambda: np.eye(4))
@@ -103,7 +104,11 @@ class Agent:
         return {**joints, **self.rest, **self.posture(posture).joints}
 
     def posture(self, name: str) -> Posture:
-        """Return a posture by name; BadInput lists the known names."""
+        """Return a posture.
+
+        Raises:
+            BadInput: It has none of that name; lists them.
+        """
         if name not in self.postures:
             raise BadInput(
                 f"{self.name} has no posture {name!r}; give one of "

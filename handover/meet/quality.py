@@ -93,9 +93,11 @@ class ArmState:
 
 @dataclass(frozen=True)
 class Quality:
-    """What a posture is worth: qualities by name, and q_online of eq. (4), in [0, 1].
+    """What one arm posture is worth.
 
-    Visibility is NaN where it is left out.
+    Attributes:
+        parts: Name -> quality in [0, 1]; visibility is NaN where it is left out.
+        online: q_online of eq. (4), in [0, 1].
     """
 
     parts: dict[str, float]

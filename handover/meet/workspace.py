@@ -205,9 +205,13 @@ class InteractionWorkspace:
         self._pass = _Pass(task, self._order[:m], 0, n)
 
     def go_on(self, budget: float) -> bool:
-        """Go on with a ranking that was begun; return whether it is over.
+        """Go on with a ranking; return whether it is over.
 
-        `budget` is the work at most, in hundreds of compared bytes of about 1 us each.
+        Args:
+            budget: Work at most, in hundreds of compared bytes; about 1 us each.
+
+        Raises:
+            BadInput: None was begun since the person was told last.
         """
         task, order, at, n = self._pass_begun()
         at, n = go_on(task, order, at, n, float(budget))
@@ -215,7 +219,11 @@ class InteractionWorkspace:
         return at == len(order)
 
     def ranked(self) -> list[Target]:
-        """Return the best of a ranking that is over, best first; it ends with that."""
+        """Return the best of a ranking that is over, best first; it ends with that.
+
+        Raises:
+            BadInput: None was begun, or it is not over.
+        """
         _, order, at, n = self._pass_begun()
         if at < len(order):
             raise BadInput("the ranking is not over; call go_on until it returns True")

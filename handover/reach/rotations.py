@@ -63,7 +63,11 @@ class RotationGrid:
         return 2 * np.pi / self.n_roll
 
     def cell_of(self, rotations: np.ndarray) -> np.ndarray:
-        """Return the (n,) int32 cells of rotations (n, 3, 3), or of one, checked."""
+        """Return the (n,) int32 cells of rotations (n, 3, 3), or of one (3, 3).
+
+        Raises:
+            BadInput: Another shape, not finite, or not rotations.
+        """
         R = np.asarray(rotations, float)
         if R.shape[-2:] != (3, 3) or R.ndim > 3:
             raise BadInput(f"rotations have the shape {R.shape}; give (n, 3, 3)")

@@ -62,7 +62,11 @@ class PlacedAgent:
     def shapes(
         self, joints: Mapping[str, float] | None = None
     ) -> list[tuple[str, Shape]]:
-        """Return its solids as (link, shape in the world); some `joints` differ."""
+        """Return its solids as (link, shape in the world frame).
+
+        Args:
+            joints: Values in place of its own; those left out stay.
+        """
         joints = {**self.joints, **(joints or {})}
         return self.body.shapes(joints, self.T_world_base)
 

@@ -66,9 +66,13 @@ class NodeIndex:
     def within(
         self, T_base_tool: np.ndarray, distance: float, angle: float, k: int = 4
     ) -> list[int]:
-        """Return at most k nodes with the tool near a pose (4, 4) [m], nearest first.
+        """Return at most k nodes whose tool is near enough to a pose, nearest first.
 
-        `distance` [m] and `angle` [rad] bound how far the tool may be from it.
+        Args:
+            T_base_tool: (4, 4) [m].
+            distance: Largest distance of the tool [m].
+            angle: Largest angle [rad].
+            k: Most nodes looked at.
         """
         found = self.nearest(T_base_tool, k)
         offs = [(int(n), *self.off(int(n), T_base_tool)) for n in found]

@@ -143,9 +143,12 @@ class DepthCamera:
     def misread(self, image: np.ndarray, most: float) -> str | None:
         """Return why its readings cannot be depths by this scale, or None.
 
-        Asked where none of them lies in the robot's grid, since a wrong scale and an
-        empty room look alike. The middle one of all readings must be no farther than
-        `most` [m].
+        To be asked where none of them lies in the robot's grid: a wrong scale and an
+        empty room look alike.
+
+        Args:
+            image: (height, width) uint16 with at least one reading.
+            most: The middle one of all readings is no farther than that [m].
         """
         valid = image[(image != NO_READING[0]) & (image != NO_READING[1])]
         middle, far = self.scale * np.median(valid), self.scale * float(valid.max())

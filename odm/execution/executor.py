@@ -206,7 +206,11 @@ class Executor:
         self._jerk_rule = rule
 
     def part_from(self, held_out: HeldOut | None) -> None:
-        """Test the person and what they hold out by separate rules; None: alike."""
+        """Test who is evaded, and what they hold out, each by rules of its own.
+
+        Args:
+            held_out: Knows which is which; None: all that is told of is the person.
+        """
         self._held_out = None if held_out is None else (held_out, BrakingTest(held_out))
 
     def commit(self) -> Commit:
@@ -244,7 +248,10 @@ class Executor:
     def update(self, answer: Any, commit: Commit, threat: Moving | None) -> None:  # noqa: ANN401
         """Take an answer planned from `commit`, then brake where it must be.
 
-        `threat` is where the person can be; None where nobody is about.
+        Args:
+            answer: The planner's answer.
+            commit: From `commit`, in this frame.
+            threat: Where the person can be; None where nobody is about.
         """
         if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()

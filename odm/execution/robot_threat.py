@@ -36,7 +36,11 @@ Intent = tuple[Stretch, ...]
 
 
 def intent_of(executor: Executor) -> Intent:
-    """Return all that an executor may still do without another test."""
+    """Return all that an executor may still do without another test.
+
+    Args:
+        executor: In a frame in which it was updated, or before its first one.
+    """
     motion, t = executor.motion, executor.t
     held = executor.held
     if held is None or held is motion:
