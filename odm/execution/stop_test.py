@@ -20,6 +20,12 @@ from roadmap.robot.robot import Robot
 
 _ROUNDING = 1e-9  # [m]
 
+# what to do about a robot that takes long to stop, for messages
+OWN_LIMITS = (
+    "if its limits of acceleration and jerk are those assumed where a URDF has none, "
+    "give its own in [robot] of its recipe"
+)
+
 
 class HeldOut(Protocol):
     """Tells a person and what they hold out apart, and tests what is held out."""

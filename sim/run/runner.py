@@ -10,7 +10,7 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import Executor
-from odm.execution.stop_test import stop_time
+from odm.execution.stop_test import OWN_LIMITS, stop_time
 from odm.execution.threat import ThreatSettings
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
@@ -178,10 +178,9 @@ def slow_stop(robot: Robot, scale: float, period: float) -> list[str]:
     time = stop_time(robot, scale, period)
     comes = ThreatSettings().displacement_bound(time, period)
     return [
-        f"by its limits of acceleration and jerk a stop takes it {1e3 * time:.0f} ms, "
-        f"in which a person may come {100 * comes:.0f} cm: near people it is slow. "
-        "Where these limits are assumed (odm info), give its own in [robot] of its "
-        "recipe"
+        f"a stop takes it {1e3 * time:.0f} ms, "
+        f"in which a person may come {100 * comes:.0f} cm: near people it is slow; "
+        f"{OWN_LIMITS} (odm info)"
     ]
 
 
@@ -212,10 +211,7 @@ def touched_in(result: RunResult, quick: bool) -> list[str]:
         f"{s.acceleration:g}{more} (ThreatSettings)"
     )
     if not quick:
-        said += (
-            ". A robot that stops sooner is touched standing: give its own limits of "
-            "acceleration and jerk in [robot] of its recipe"
-        )
+        said += f". A robot that stops sooner is touched standing: {OWN_LIMITS}"
     return [said]
 
 

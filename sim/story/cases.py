@@ -17,7 +17,7 @@ from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
 from odm.cell_map.payload import carried_object
 from odm.execution.settings import ExecutionSettings
-from odm.execution.stop_test import slowest_stop
+from odm.execution.stop_test import OWN_LIMITS, slowest_stop
 from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
@@ -269,10 +269,7 @@ def slow_to_stop(robot: Robot, threat: ThreatSettings | None = None) -> str:
     said += ": closer to them it creeps; "
     if _comes(robot, replace(threat, noise=0.0))[1] <= LIVE.spare_m:
         return said + "with a better sensor (ThreatSettings(noise=...)) it goes nearer"
-    return said + (
-        "if its limits of acceleration and jerk are those assumed where a URDF has "
-        "none, give its own in [robot] of its recipe"
-    )
+    return said + OWN_LIMITS
 
 
 def rest_of(planner: ReactivePlanner, index: NodeIndex, obj: HeldObject) -> np.ndarray:
