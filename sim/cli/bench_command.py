@@ -65,7 +65,6 @@ class BenchRequest:
     out: Path | None = flag(
         None,
         "Folder where maps or draws are kept and found again (scale, handover).",
-        metavar="DIR",
         writes=FOLDER,
     )
     execution: str | None = flag(
@@ -115,10 +114,7 @@ class BenchRequest:
         None, "A recording to use; again for more.", "--file", metavar="F"
     )
     plot: Path | None = flag(
-        None,
-        "Draw the figures, or the page (view), if it can.",
-        metavar="PNG",
-        writes=PICTURE,
+        None, "Draw the figures, or the page (view), if it can.", writes=PICTURE
     )
     card: bool = flag(False, "The graphics card draws the page (view).", "--card")
     against: Path | None = flag(
@@ -128,10 +124,7 @@ class BenchRequest:
         None, "Run this item only; again for more (golden, handover).", metavar="ITEM"
     )
     write: Path | None = flag(
-        None,
-        "Keep what this checkout does (golden).",
-        metavar="FILE",
-        writes=Writes(),
+        None, "Keep what this checkout does (golden).", writes=Writes()
     )
     read: Path | None = flag(
         None, "Compare with what was kept (golden).", metavar="FILE"

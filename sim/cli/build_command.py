@@ -38,10 +38,7 @@ class BuildRequest:
         None, "Name or .toml path of a recipe; or give --robot."
     )
     out: Path | None = flag(
-        None,
-        "The map's folder; maps/built/NAME if left.",
-        metavar="DIR",
-        writes=FOLDER,
+        None, "The map's folder; maps/built/NAME if left.", writes=FOLDER
     )
     threads: Threads = 0
     force: bool = flag(False, "Replace a map of another recipe.", "--force")
@@ -101,7 +98,6 @@ class BuildRequest:
         None,
         "Folder that all workers see; results go there, not over the network.",
         panel=_CLUSTER,
-        metavar="DIR",
         writes=FOLDER,
     )
     json: Json = None

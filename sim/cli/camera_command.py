@@ -89,9 +89,7 @@ class CameraRequest:
         metavar="free|occupied|keep",
         panel=_CELLS,
     )
-    plot: Path | None = flag(
-        None, "Draw the cells beside the image.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw the cells beside the image.", writes=PICTURE)
     json: Json = None
 
 

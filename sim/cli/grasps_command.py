@@ -31,10 +31,7 @@ class GraspsRequest:
     )
     hand: str = flag(..., "sdh, hubo_left, hubo_right or panda.")
     out: Path | None = flag(
-        None,
-        "The folder; maps/built/grasps/OBJECT-HAND if left.",
-        metavar="DIR",
-        writes=FOLDER,
+        None, "The folder; maps/built/grasps/OBJECT-HAND if left.", writes=FOLDER
     )
     mass: float | None = flag(
         None,
@@ -55,9 +52,7 @@ class GraspsRequest:
     )
     seed: int = flag(1, "Same seed, same set.", limits=Limits(0, MOST_SEED))
     threads: Threads = 0
-    plot: Path | None = flag(
-        None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw the object and its grasps.", writes=PICTURE)
     json: Json = None
 
 
@@ -89,9 +84,7 @@ class GraspsInfoRequest:
     """What `odm grasps info` is asked for."""
 
     folder: Path = argument(..., "Folder of a grasp set.", metavar="GRASPS")
-    plot: Path | None = flag(
-        None, "Draw the object and its grasps.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw the object and its grasps.", writes=PICTURE)
     json: Json = None
 
 

@@ -31,7 +31,7 @@ class HandRequest:
     rotations: int = flag(
         1944, "Of the hand, tried at each place: 72, 576, 1944...", limits=ROTATIONS
     )
-    plot: Path | None = flag(None, "Draw the cuts.", metavar="PNG", writes=PICTURE)
+    plot: Path | None = flag(None, "Draw the cuts.", writes=PICTURE)
     json: Json = None
 
 

@@ -45,14 +45,11 @@ class PlanRequest:
     out: Path | None = flag(
         None,
         "Write the plan to this file, for `odm replay` and others.",
-        metavar="JSON",
         writes=Writes((".json",), "plan"),
     )
-    animation: Path | None = flag(
-        None, "Write a film of it.", metavar="GIF", writes=FILM
-    )
+    animation: Path | None = flag(None, "Write a film of it.", writes=FILM)
     plot: Path | None = flag(
-        None, "Draw the hand-over from three sides.", metavar="PNG", writes=PICTURE
+        None, "Draw the hand-over from three sides.", writes=PICTURE
     )
     json: Json = None
 

@@ -42,10 +42,7 @@ class HumanRequest:
         metavar="conservative|mean",
     )
     plot: Path | None = flag(
-        None,
-        "Draw the person, the reach and the joint ranges.",
-        metavar="PNG",
-        writes=PICTURE,
+        None, "Draw the person, the reach and the joint ranges.", writes=PICTURE
     )
     json: Json = None
 

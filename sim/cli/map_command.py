@@ -31,9 +31,7 @@ class InfoRequest:
         "Also the clearance overhead; the first time compiles for a while.",
         "--overhead",
     )
-    plot: Path | None = flag(
-        None, "Draw what the map covers.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw what the map covers.", writes=PICTURE)
     json: Json = None
 
 

@@ -81,7 +81,7 @@ class MeetRequest:
         metavar="DIR",
     )
     plot: Path | None = flag(
-        None, "Draw cuts, robot, person and target.", metavar="PNG", writes=PICTURE
+        None, "Draw cuts, robot, person and target.", writes=PICTURE
     )
     json: Json = None
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.run.folders import MAPS, check_map_folder
-from sim.terminal.checks import FILM, FOLDER, Limits, Refused, Writes
+from sim.terminal.checks import FILM, FOLDER, RECORDING, Limits, Refused, Writes
 from sim.terminal.flags import Json, argument, flag, from_request, given
 from sim.terminal.output import report, show_json, write_text
 from sim.terminal.progress import Bars
@@ -49,27 +49,22 @@ class ReplayRequest:
     record: Path | None = flag(
         None,
         "Record the replay: the same bytes, where it is the same.",
-        metavar="NPZ",
         panel=_RUN,
-        writes=Writes((".npz",), "recording"),
+        writes=RECORDING,
     )
     recipe_out: Path | None = flag(
         None,
         "Only write the recipe of the recorded map.",
-        metavar="TOML",
         panel=_RUN,
         writes=Writes((".toml",), "recipe"),
     )
     build: Path | None = flag(
         None,
         "Only build the recorded map, for which no URDF is needed.",
-        metavar="DIR",
         panel=_RUN,
         writes=FOLDER,
     )
-    animation: Path | None = flag(
-        None, "Write a film of it.", metavar="GIF", panel=_PLAN, writes=FILM
-    )
+    animation: Path | None = flag(None, "Write a film of it.", panel=_PLAN, writes=FILM)
     frames: Path | None = flag(
         None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
     )

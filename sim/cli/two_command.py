@@ -45,15 +45,9 @@ class TwoRequest:
     )
     seconds: float = flag(120.0, "Simulated time in s.", limits=SECONDS)
     rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
-    plot: Path | None = flag(
-        None, "Draw the closest moment.", metavar="PNG", writes=PICTURE
-    )
-    animation: Path | None = flag(
-        None, "Write a short film.", metavar="GIF", writes=FILM
-    )
-    out: Path | None = flag(
-        None, "Write both and the figures.", metavar="DIR", writes=PICTURES
-    )
+    plot: Path | None = flag(None, "Draw the closest moment.", writes=PICTURE)
+    animation: Path | None = flag(None, "Write a short film.", writes=FILM)
+    out: Path | None = flag(None, "Write both and the figures.", writes=PICTURES)
     json: Json = None
 
 

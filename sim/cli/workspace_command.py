@@ -46,10 +46,7 @@ class ReachRequest:
 
     source: str = argument(..., "Name of a robot, its URDF, or human.", metavar="ROBOT")
     out: Path | None = flag(
-        None,
-        "The folder; maps/built/reach/NAME if left.",
-        metavar="DIR",
-        writes=FOLDER,
+        None, "The folder; maps/built/reach/NAME if left.", writes=FOLDER
     )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
     lock: list[str] | None = flag(
@@ -90,15 +87,10 @@ class ReachRequest:
         None, "Of a Dask cluster that runs.", metavar="tcp://HOST:8786"
     )
     shared: Path | None = flag(
-        None,
-        "Folder that all workers see; results go there.",
-        metavar="DIR",
-        writes=FOLDER,
+        None, "Folder that all workers see; results go there.", writes=FOLDER
     )
     recall: Poses = 2000
-    plot: Path | None = flag(
-        None, "Draw cuts through the map.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw cuts through the map.", writes=PICTURE)
     json: Json = None
 
 
@@ -139,9 +131,7 @@ class ReachInfoRequest:
 
     map_dir: Path = argument(..., "Folder of a reach map.", metavar="MAP")
     recall: Poses = 0
-    plot: Path | None = flag(
-        None, "Draw cuts through the map.", metavar="PNG", writes=PICTURE
-    )
+    plot: Path | None = flag(None, "Draw cuts through the map.", writes=PICTURE)
     json: Json = None
 
 

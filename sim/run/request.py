@@ -11,10 +11,10 @@ from sim.terminal.checks import (
     PICTURES,
     PLACE,
     RATE,
+    RECORDING,
     SECONDS,
     TURN,
     Limits,
-    Writes,
 )
 from sim.terminal.flags import (
     Host,
@@ -63,15 +63,9 @@ class RunRequest:
     )
     seed: Seed = 0
     rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
-    out: Path | None = flag(
-        None, "Folder for all pictures.", metavar="DIR", writes=PICTURES
-    )
-    plot: Path | None = flag(
-        None, "Write the latency plot.", metavar="PNG", writes=PICTURE
-    )
-    animation: Path | None = flag(
-        None, "Write a short film.", metavar="GIF", writes=FILM
-    )
+    out: Path | None = flag(None, "Folder for all pictures.", writes=PICTURES)
+    plot: Path | None = flag(None, "Write the latency plot.", writes=PICTURE)
+    animation: Path | None = flag(None, "Write a short film.", writes=FILM)
     file: MocapFile = None
     mapping: JointNames = None
     stand: tuple[float, float, float] | None = flag(
@@ -128,8 +122,7 @@ class RunRequest:
     record: Path | None = flag(
         None,
         "Write the whole run, however it ends; `odm replay` repeats it.",
-        metavar="NPZ",
-        writes=Writes((".npz",), "recording"),
+        writes=RECORDING,
     )
     carry: float | None = flag(
         None,

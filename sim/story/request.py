@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.run.request import file_trouble, page_trouble
-from sim.terminal.checks import FILM, PICTURES, SECONDS, Limits, Writes
+from sim.terminal.checks import FILM, PICTURES, RECORDING, SECONDS, Limits
 from sim.terminal.flags import (
     Host,
     JointNames,
@@ -35,9 +35,7 @@ class DemoRequest:
         "maintenance: three tools up to a person on a ladder, and back.",
         metavar="work|handover|maintenance",
     )
-    out: Path = flag(
-        Path("out"), "Folder for pictures and figures.", metavar="DIR", writes=PICTURES
-    )
+    out: Path = flag(Path("out"), "Folder for pictures and figures.", writes=PICTURES)
     seconds: float | None = flag(
         None,
         "Simulated time in s; 30 if left, up to 4 times that for a slow robot.",
@@ -92,12 +90,9 @@ class DemoRequest:
     record: Path | None = flag(
         None,
         "Write the hand-over; `odm replay` repeats it, `odm view` shows it.",
-        metavar="NPZ",
-        writes=Writes((".npz",), "recording"),
+        writes=RECORDING,
     )
-    film: Path | None = flag(
-        None, "Write the hand-over as a film.", metavar="GIF", writes=FILM
-    )
+    film: Path | None = flag(None, "Write the hand-over as a film.", writes=FILM)
     robot: str | None = flag(
         None,
         "Who gives and takes the tools (maintenance); panda if left.",

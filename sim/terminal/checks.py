@@ -84,11 +84,18 @@ class Writes:
     needs: tuple[str, ...] = ()
     folder: bool = False
 
+    @property
+    def metavar(self) -> str:
+        """What stands in the help for the file or folder: PNG, DIR, ..."""
+        file = self.endings[0][1:].upper() if self.endings else "FILE"
+        return "DIR" if self.folder else file
+
 
 PICTURE = Writes((".png",), "picture", ("matplotlib",))
 FILM = Writes((".gif",), "film", ("matplotlib", "PIL"))
 PICTURES = Writes(what="pictures", needs=("matplotlib", "PIL"), folder=True)
 FOLDER = Writes(folder=True)
+RECORDING = Writes((".npz",), "recording")
 _OF_FILES = {".csv", ".gif", ".jpg", ".json", ".mp4", ".npz", ".pdf", ".png", ".toml"}
 FINITE = Limits()
 SECONDS = Limits(0.0, 86_400.0, "s", above=True)

@@ -74,9 +74,11 @@ def flag(
         names: Of the flag, where it is not that of the field.
         limits: What numbers are taken; several: by each of its values, which the
             metavar names.
-        writes: What is written there; looked at before any work.
+        writes: What is written there; looked at before any work, and its metavar.
         options: Of `typer.Option`; `panel` is the part of the help it stands in.
     """
+    if writes is not None:
+        options = {"metavar": writes.metavar} | options
     made = _field(default, typer.Option(*names, help=text, **_named(options)))
     checks = {"limits": limits, "writes": writes}
     return field(metadata={**made.metadata, **checks}, **_default(default))
