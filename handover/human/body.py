@@ -87,7 +87,6 @@ class BodySizes:
     foot: float = RADII["conservative"][8]
 
     def __post_init__(self) -> None:
-        """Refuse sizes that make no closed solid."""
         for name, value in vars(self).items():
             if not 0 < value < 1:
                 raise BadInput(

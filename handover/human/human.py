@@ -82,7 +82,6 @@ class Human:
     T_world_chest: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check everything."""
         body.check_height(self.height, "nothing is known of the shape of such a person")
         posture = posture_named(self.posture)
         body.check_thickness(self.thickness)

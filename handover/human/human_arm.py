@@ -100,7 +100,6 @@ class Arm:
     packed: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check side, lengths and ranges, and pack them."""
         check_side(self.side)
         lengths = frozen(self.lengths, np.float64)
         if lengths.shape != (3,) or not (np.isfinite(lengths) & (lengths > 0)).all():

@@ -38,7 +38,6 @@ class Skeleton:
     legs: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays; refuse wrong shapes and lengths that are none."""
         shapes = {
             "shoulders": (2, 3),
             "neck": (3,),

@@ -37,7 +37,6 @@ class Upright:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        """Check the angle and make the axes of length 1."""
         if not 0 < self.tilt <= np.pi:
             raise BadInput(
                 f"a tilt of {self.tilt} rad is none; give more than 0 and at most pi"
@@ -66,7 +65,6 @@ class Above:
     height_m: float
 
     def __post_init__(self) -> None:
-        """Check the height."""
         check_number("the height of Above in m", self.height_m, -100.0, 100.0)
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
@@ -94,7 +92,6 @@ class Inside:
     outside: bool = False
 
     def __post_init__(self) -> None:
-        """Check the corners."""
         lower, upper = (np.asarray(x, float) for x in (self.lower, self.upper))
         fit = lower.shape == upper.shape == (3,)
         if not (fit and (lower < upper).all()):

@@ -38,7 +38,6 @@ class HeldObject:
     turns: int = 4
 
     def __post_init__(self) -> None:
-        """Refuse what is no object, and freeze the arrays."""
         capsules = np.asarray(self.capsules, float)
         if capsules.ndim != 2 or capsules.shape[1] != 7 or not len(capsules):
             raise BadInput(

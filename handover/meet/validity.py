@@ -21,7 +21,6 @@ class PlannerValidity:
     """
 
     def __init__(self, planner: ReactivePlanner, joined: int = 8) -> None:
-        """Keep the planner."""
         self.planner, self.joined = planner, joined
 
     def __call__(self, q: np.ndarray) -> tuple[bool, str]:

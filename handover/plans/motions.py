@@ -116,7 +116,6 @@ class MotionPlanner:
     def __init__(
         self, scene: Scene, pair: Pair, settings: PlanSettings, clock: Clock
     ) -> None:
-        """Lay out memory of the searches."""
         self.scene, self.pair, self.settings = scene, pair, settings
         self.giver = Paths(
             pair.giver, home_of(scene.giver, pair.giver.limb), settings, clock

@@ -59,7 +59,6 @@ class Mover:
         other: Limb,
         proof: ProofSettings = ProofSettings(),
     ) -> None:
-        """Lay out bodies, parts and pairs."""
         self.limb, self.other, self.proof = limb, other, proof
         self.T_mount = mount_pose(placed, limb)
         self._T_other = mount_pose(other_placed, other)

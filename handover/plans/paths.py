@@ -42,7 +42,6 @@ class Blocked(PlanningError):
     def __init__(
         self, text: str, *, by_hand: bool = False, searched: bool = False
     ) -> None:
-        """Take the sentence."""
         super().__init__(text)
         self.by_hand, self.searched, self.more = by_hand, searched, False
 
@@ -78,7 +77,6 @@ class Paths:
         clock: Clock,
         solve: SolveSettings = SolveSettings(),
     ) -> None:
-        """Lay out memory of the searches."""
         self.clock, self._solve = clock, solve
         self.mover, self.home, self.settings = mover, home, settings
         self._trees = _trees(mover.limb.dof)

@@ -51,7 +51,6 @@ class Grasper:
     def __init__(
         self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
     ) -> None:
-        """Lay out working memory and sort the pairs of the mover's space."""
         self.mover, self.grasps, self.solve = mover, grasps, solve
         limb, space = mover.limb, mover.space
         rows = np.arange(len(space.pairs))
@@ -107,7 +106,6 @@ class Looked:
     """Grasps `use` (k,) at a pose, tested as they are asked for; see `Grasper.look`."""
 
     def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
-        """List the joints that reach each grasp."""
         mover, grasps, n = grasper.mover, grasper.grasps, len(use)
         self.use, self._grasper, self._stand = np.asarray(use, np.int64), grasper, stand
         rows, arm = n * grasper.most, grasper.arm

@@ -49,7 +49,6 @@ class Maker:
     """What one worker fills chunks with; each of its threads has cells of its own."""
 
     def __init__(self, spec: ReachSpec) -> None:
-        """Lay out the grid."""
         self.chain = spec.chain
         self.grid = reach_grid(spec.chain, spec.cell, spec.rotations)
         self._idle: list[tuple] = []
@@ -129,7 +128,6 @@ class ChunkCrew:
     def __init__(
         self, workers: Workers, spec: ReachSpec, grid: ReachGrid, cells: Cells
     ) -> None:
-        """Keep the arguments; no work yet."""
         self.workers, self.spec, self.grid, self.cells = workers, spec, grid, cells
         self.rows = {n: _rows(grid, getattr(cells, n)) for n in Cells._fields}
 

@@ -32,7 +32,6 @@ class ReachGrid:
     rotations: RotationGrid
 
     def __post_init__(self) -> None:
-        """Freeze the origin."""
         freeze(self, origin=float)
 
     @property

@@ -111,7 +111,6 @@ class Scene:
     goal_held: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a pose that is not rigid."""
         for name in ("T_world_start", "T_world_goal"):
             T = check_pose(getattr(self, name), name)
             object.__setattr__(self, name, frozen(T, np.float64))

@@ -18,7 +18,6 @@ class Allowance:
     def __init__(
         self, units: int = 1500, takes: AllowanceSettings = AllowanceSettings()
     ) -> None:
-        """Start with the whole budget."""
         self.units, self.takes = units, takes
         self._put_off = 0
         self.begin()

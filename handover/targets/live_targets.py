@@ -101,7 +101,6 @@ class LiveTargets:
         index: NodeIndex | None = None,
         settings: LiveSettings | None = None,
     ) -> None:
-        """Start without a target."""
         s = self.settings = settings or LiveSettings()
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)

@@ -27,7 +27,6 @@ class Places:
     """
 
     def __init__(self, n: int) -> None:
-        """Have tried none."""
         self.n, self.now = n, None
         self._left: dict[int, str] = {}  # since it waited last
         self._why: dict[int, str] = {}  # why each was left last

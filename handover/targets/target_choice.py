@@ -31,7 +31,6 @@ class TargetChoice:
     """Keeps the cells on offer, best first, from frame to frame."""
 
     def __init__(self, settings: ChoiceSettings | None = None) -> None:
-        """Offer nothing."""
         self.settings = settings or ChoiceSettings()
         self.keys: tuple[int, ...] = ()
         self._frame = 0

@@ -59,7 +59,6 @@ class TargetGoals:
         index: NodeIndex | None = None,
         settings: LiveSettings | None = None,
     ) -> None:
-        """Know no goal yet."""
         check_same_robot(meet.reach, planner.robot)
         nodes = planner.cell_map.roadmap.nodes
         index = NodeIndex(planner.robot, nodes) if index is None else index

@@ -46,7 +46,6 @@ class TargetOffers:
         finder: TargetGoals,
         settings: LiveSettings | None = None,
     ) -> None:
-        """Offer nothing."""
         self.planner, self.finder = planner, finder
         self.settings = settings or finder.settings
         self.spare_m = self.settings.spare_m

@@ -17,14 +17,12 @@ class CoverWorld:
     """In place of `sim.draw.world.World` without pybullet: draws the cover."""
 
     def __init__(self, robot: Robot) -> None:
-        """Choose the colours."""
         self._robot = robot
         link = np.asarray(robot.sphere_link) % 2
         self._colours = np.array(LINKS)[link]
         self._balls = self._still = np.zeros((0, 7))
 
     def __enter__(self) -> "CoverWorld":
-        """Return the world itself."""
         return self
 
     def __exit__(self, *_: object) -> None:

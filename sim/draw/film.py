@@ -86,7 +86,6 @@ class Canvas:
         across: tuple[float, float] = TABLE_Y,
         height: float = 0.0,
     ) -> None:
-        """Draw the empty table and load the fonts, which come with matplotlib."""
         from matplotlib import get_data_path
         from PIL import ImageFont
 

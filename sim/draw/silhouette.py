@@ -22,7 +22,6 @@ class Silhouette:
     def __init__(
         self, capsules: np.ndarray = (), polytopes: list[np.ndarray] = ()
     ) -> None:
-        """Keep the parts."""
         self.capsules = np.asarray(capsules, float).reshape(-1, 7)
         self.polytopes = list(polytopes)
 

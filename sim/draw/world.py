@@ -43,7 +43,6 @@ class SimulatorMissing(PlanningError):
     """pybullet is not installed; everything but its pictures works without it."""
 
     def __init__(self) -> None:
-        """Say what to do."""
         super().__init__(
             "pybullet is not installed (its wheels are for Python 3.11 only): use "
             "Python 3.11 and `pip install pybullet`, or go without; the loop, its "
@@ -71,7 +70,6 @@ class World:
         robot: Robot,
         locked: Mapping[str, float] | None = None,
     ) -> None:
-        """Connect to pybullet and load the robot."""
         self._bullet = import_pybullet()
         path = str(robot_file(urdf))
         self._client = self._bullet.connect(self._bullet.DIRECT)
@@ -97,11 +95,9 @@ class World:
         self._arm, self._held = robot, np.zeros((0, 4))
 
     def __enter__(self) -> "World":
-        """Return the world itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the world."""
         self.close()
 
     def close(self) -> None:

@@ -29,7 +29,6 @@ class KeyboardArm:
     def __init__(
         self, person: Person | None = None, events: Iterable[KeyEvent] = ()
     ) -> None:
-        """Put the arm at home; check the speed limit and the events."""
         self.limits = ArmLimits.of(person or Person(HumanArm.sized()))
         self._events = _checked(events)
         self._latest = 0

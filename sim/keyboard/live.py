@@ -30,7 +30,6 @@ class KeyboardPerson:
     """
 
     def __init__(self, seconds: float | None = None) -> None:
-        """Take nothing yet."""
         self.seconds, self.result, self.ended = seconds, None, ""
         self.frames, self.late, self.slipped_s = 0, 0, 0.0
 
@@ -112,7 +111,6 @@ class KeptFrames:
     """Keeps the last frames of an endless run, without what is large in them."""
 
     def __init__(self, most: int) -> None:
-        """Keep none yet."""
         self._frames: deque[Frame] = deque(maxlen=most)
 
     def add(self, frame: Frame) -> None:

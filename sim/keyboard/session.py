@@ -41,7 +41,6 @@ class Pacer:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Begin the first turn now."""
         self.period, self.late, self.slipped_s = period, 0, 0.0
         self._clock, self._sleep = clock, sleep
         self.restart()
@@ -111,7 +110,6 @@ class Session:
         setting: Setting,
         on_frame: Callable[[Frame], None] = lambda frame: None,
     ) -> None:
-        """Answer no frame yet."""
         self.loop, self.arm, self.setting, self.on_frame = loop, arm, setting, on_frame
         self.tally = Tally(setting.rate_hz)
         self.pacer = Pacer(1.0 / setting.rate_hz)

@@ -19,20 +19,17 @@ class Signals:
     """
 
     def __init__(self) -> None:
-        """Start without wishes."""
         self.ended: str | None = None
         self.suspended = False
         self._before: dict = {}
 
     def __enter__(self) -> "Signals":
-        """Take over."""
         for name in ENDINGS:
             self._take(name, self._end)
         self._take("SIGTSTP", self._suspend)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give back."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -32,7 +32,6 @@ class KeyboardStory:
     """
 
     def __init__(self, seconds: float) -> None:
-        """Stand before the robot."""
         self.seconds, self.ended = min(seconds, KEPT_S), ""
         body = Human().placed(DISTANCE, 0.0, np.pi)
         shoulder = body.T_world_shoulder("right")[:3, 3] - [0.0, 0.0, BASE_HEIGHT]

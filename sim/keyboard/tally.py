@@ -13,7 +13,6 @@ class Histogram:
     """Percentiles of times so far, exact to 2 %."""
 
     def __init__(self) -> None:
-        """Start with no times."""
         self._counts = np.zeros(_BINS, np.int64)
 
     def add(self, seconds: float) -> None:
@@ -46,7 +45,6 @@ class Tally:
     """
 
     def __init__(self, rate_hz: float) -> None:
-        """Start with no frames."""
         self.rate_hz, self.frames, self.trips, self.new_paths = rate_hz, 0, 0, 0
         self.latency, self.smallest = Histogram(), math.inf
         self.last: Frame | None = None

@@ -34,7 +34,6 @@ class KeyDecoder:
     """
 
     def __init__(self) -> None:
-        """Start between two keys."""
         self._open = bytearray()
 
     def feed(self, data: bytes) -> list[str]:
@@ -81,7 +80,6 @@ class Keys:
     """Reads keys from a terminal, without waiting for any."""
 
     def __init__(self, fd: int) -> None:
-        """Start with no keys."""
         self.fd = fd
         self._decoder = KeyDecoder()
         self.closed = False
@@ -103,7 +101,6 @@ class Screen:
     """Draws pictures over one another, each in one piece."""
 
     def __init__(self, fd: int, encoding: str = "utf-8") -> None:
-        """Draw nothing yet."""
         self.fd, self.encoding = fd, encoding
         self._size = (0, 0)
         self._shown: list[tuple[str, bool]] = []

@@ -7,7 +7,6 @@ class NotCollected:
     """While this holds, no garbage is collected; what is due is, right after it."""
 
     def __enter__(self) -> None:
-        """Put collections off."""
         self._was = gc.isenabled()
         gc.disable()
 

@@ -64,7 +64,6 @@ class LoopSettings:
     once: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse values that make no loop."""
         counts = ("seed", "keep_paths", "improve")
         ranges = {name: (0, 2**63, "") for name in counts}
         check_settings(
@@ -172,7 +171,6 @@ class Loop:
         pushed: PushSettings | None = None,
         new_paths: NewPathSettings = NewPathSettings(),
     ) -> None:
-        """Put the robot at the first place and send it to the second."""
         self.settings, self.new_paths = settings or LoopSettings(), new_paths
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)

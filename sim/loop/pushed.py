@@ -126,7 +126,6 @@ class Pushes:
     def __init__(
         self, robot: Robot, period: float, seed: object, settings: PushSettings
     ) -> None:
-        """Draw the encoders' error and the first push."""
         self.settings, self.period = settings, period
         self._rng = np.random.default_rng(seed)
         self._motion_bound = joint_motion_bounds(robot)
@@ -185,7 +184,6 @@ class PushedRobot:
         pushes: Pushes,
         may_be: Callable[[np.ndarray], bool],
     ) -> None:
-        """Stand beside q by the encoders' error."""
         self.robot, self.pushes, self._may_be = robot, pushes, may_be
         self._point, self._t = np.array(q, float), 0.0
         self.q = self._point - pushes.error

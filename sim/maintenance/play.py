@@ -91,7 +91,6 @@ class MaintenancePlay:
         wrist: Callable[[ToolSetup], Wrist] | None = None,
         settings: CycleSettings = CycleSettings(),
     ) -> None:
-        """Put the robot at rest, all tools in their places."""
         self.settings = settings
         self.setups, self.case, self._wrist_of = setups, case, wrist
         self._left = [(k, d) for k in range(len(setups)) for d in table.DIRECTIONS]

@@ -22,7 +22,6 @@ class CycleRecorder:
     """Takes the moments of a cycle; see `sim.maintenance.play.play_cycle`."""
 
     def __init__(self, at: WorkPlace = BESIDE_PANDA) -> None:
-        """Hold nothing yet."""
         self._at = at
         self._parts: list[StoryRecorder] = []
 

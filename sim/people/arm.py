@@ -36,7 +36,6 @@ class HumanArm:
     radii: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and refuse an arm that is no arm."""
         for name in ("lengths", "radii"):
             array = frozen(getattr(self, name), np.float64)
             if array.shape != (2,) or not (array > 0).all():

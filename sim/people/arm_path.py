@@ -75,7 +75,6 @@ class ScriptedMotion:
     tremble: np.ndarray
 
     def __post_init__(self) -> None:
-        """Note when each leg ends."""
         times = [leg.duration + leg.rest for leg in self.legs]
         freeze(self, tremble=float)
         object.__setattr__(self, "_ends", frozen(np.cumsum(times), np.float64))
@@ -104,7 +103,6 @@ class Round:
     """
 
     def __init__(self, person: Person, home: tuple, speed: float) -> None:
-        """Start with the hand at home."""
         self.person, self.speed = person, speed
         self._home = self._hand = self._reachable(home)
         self.legs: list[Leg] = []

@@ -108,7 +108,6 @@ class Partner:
         arm_q: np.ndarray | None = None,
         grasp: np.ndarray | None = None,
     ) -> None:
-        """Stand with hanging arms."""
         self.body, self.side, self.obj, self.traits = body, side, obj, traits
         self.gives, self.holds, self.pull = gives, gives, 0.0
         self.grasp = np.array(obj.hand_grasps[0] if grasp is None else grasp)
@@ -431,7 +430,6 @@ class RecordedPartner:
     def __init__(
         self, person: object, side: str, obj: HeldObject, traits: PartnerTraits
     ) -> None:
-        """Stand as at the beginning."""
         self.person, self.side, self.obj, self.traits = person, side, obj, traits
         self.human = person.human(0.0)
         self.holds, self.pull, self.bump_at = False, 0.0, np.inf

@@ -25,7 +25,6 @@ class Placed:
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        """Freeze the offset."""
         freeze(self, offset=float)
 
     @property

@@ -43,7 +43,6 @@ class PlannedReceiver:
     def __init__(
         self, record: Mapping, early_s: float = 0.0, aside: float = 0.0, seed: int = 0
     ) -> None:
-        """Lay out parts and times."""
         receiver = record["receiver"]
         self._model = agent_model(receiver["urdf"])
         self._joints = dict(receiver["joints"])

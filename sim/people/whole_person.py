@@ -108,7 +108,6 @@ class WholePerson:
         walk: Walk | None = None,
         base_height: float = BASE_HEIGHT,
     ) -> None:
-        """Stand as at the beginning."""
         n = len(motion.capsules(0.0))
         if n != 2:
             raise BadInput(
@@ -174,7 +173,6 @@ class RecordedPerson:
     """
 
     def __init__(self, motion: MocapMotion) -> None:
-        """See whether there is a person in it."""
         self.motion = motion
         self._last: tuple[float, Human] | None = None
         self.human(0.0)

@@ -25,7 +25,6 @@ class ReplayedPerson:
     """
 
     def __init__(self, record: RunRecord) -> None:
-        """Read nothing yet."""
         motion = record.head["motion"]
         self.record, self.name = record, motion["name"]
         self.max_speed, self.notes = motion["max_speed"], tuple(motion["notes"])

@@ -41,7 +41,6 @@ class Column:
     """One value of every frame, as arrays of one type."""
 
     def __init__(self, dtype: type) -> None:
-        """Hold nothing yet."""
         self._dtype = dtype
         self._full: list[np.ndarray] = []
         self._block: np.ndarray | None = None
@@ -124,7 +123,6 @@ class Recorder:
     def __init__(
         self, loop: Loop, cell_map: CellMap, beside: Beside | None = None
     ) -> None:
-        """Hold no frame yet."""
         self.loop, self.cell_map, self._beside = loop, cell_map, beside
         self.frames = 0
         self._payload = getattr(loop.planner, "attached", None)

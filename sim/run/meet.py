@@ -144,7 +144,6 @@ class MeetTask:
     cell_map: CellMap
 
     def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        """Load nothing yet."""
         self.request, self.live, self.side = request, live, "right"
         self.verdicts: list[Verdict] = []
 

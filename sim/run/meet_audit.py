@@ -55,7 +55,6 @@ class TargetAudit:
     def __init__(
         self, meet: InteractionWorkspace, cell_map: CellMap, from_rest: bool
     ) -> None:
-        """Lay out a planner."""
         self.meet, self._from_rest = meet, from_rest
         self.planner = ReactivePlanner(cell_map, always_replan=True)
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)

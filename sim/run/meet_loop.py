@@ -25,7 +25,6 @@ class MeetPlanner:
     """
 
     def __init__(self, live: LiveTargets, human_at: Callable[[float], Human]) -> None:
-        """Keep both."""
         self.live, self.human_at = live, human_at
         self.human: Human | None = None
 
@@ -72,7 +71,6 @@ class MeetLoop(Loop):
         audit: Audit | None = None,
         dwell_s: float | None = None,
     ) -> None:
-        """Put the robot at rest."""
         planner = MeetPlanner(live, person.human)
         robot, places = live.planner.robot, np.array([rest, rest])
         super().__init__(planner, robot, places, person, settings, audit)

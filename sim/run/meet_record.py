@@ -51,7 +51,6 @@ class TargetColumns:
     format = TARGETS
 
     def __init__(self, loop: MeetLoop) -> None:
-        """Hold no frame yet."""
         self.loop = loop
         self._people: list[Human] = []
         self._state, self._quality = Column(np.uint8), Column(np.float64)
@@ -101,7 +100,6 @@ class ReplayedWholePerson(ReplayedPerson):
     """The whole person of a recording, frame by frame."""
 
     def __init__(self, record: RunRecord) -> None:
-        """Read nothing yet."""
         super().__init__(record)
         self._body = person_of(record.head["targets"]["person"])
 

@@ -62,7 +62,6 @@ class PlacesTask:
     cell_map: CellMap
 
     def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        """Load nothing yet."""
         self.request, self.live = request, live
 
     def person(self) -> HumanMotion:

@@ -42,7 +42,6 @@ class PlanTask:
     cell_map: CellMap
 
     def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        """Read the plan."""
         assert live is None and request.plan is not None
         self.request = request
         try:

@@ -164,7 +164,6 @@ class RunRequest:
     audit_s: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse options that do not go together, before any work."""
         from roadmap.errors import BadInput  # not above: --help should be quick
 
         trouble = (

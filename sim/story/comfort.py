@@ -86,7 +86,6 @@ class Berth:
     """
 
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
-        """Look how long the robot takes to stop."""
         how = executor.settings, executor.period, threat
         comes = slowest_stop(executor.robot, *how)[1]
         self.room = min(comes, _WIDEST) if comes > QUICK else 0.0

@@ -48,7 +48,6 @@ class StoryFrame:
     labels: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no frame; take lists for arrays."""
         check_kind("now", self.now, Real, "give the time in seconds")
         nobody = "where nobody is seen, any with capsules=np.zeros((0, 7))"
         check_kind("human", self.human, Human, f"give a handover.Human; {nobody}")

@@ -266,7 +266,6 @@ class Reaches:
         settings: GraspingSettings = _GRASPING,
         first: int | None = None,
     ) -> None:
-        """Know nothing."""
         self.settings = settings
         self._first = len(grasps) if first is None else first
         self.planner, self.index, self.back = planner, index, back

@@ -136,7 +136,6 @@ class Handover:
         T_base_place: np.ndarray | None = None,
         conduct: ConductSettings = ConductSettings(),
     ) -> None:
-        """Stand where the executor stands."""
         s = self.settings = settings or StorySettings()
         self.conduct = conduct
         _check_pads(planner)

@@ -219,7 +219,6 @@ class Machine:
     """
 
     def __init__(self, rows: tuple[Row, ...], state: str) -> None:
-        """Begin."""
         self.rows, self.state, self.since = rows, state, 0.0
         self.reason = ""
         self.events: list[StoryEvent] = []

@@ -29,7 +29,6 @@ class StoryPage:
         token: str | None = None,
         paced: bool = True,
     ) -> None:
-        """Open the page and say where."""
         self.run, self._paced = run, paced
         cell_map = run.setup.cell_map
         self.viewer = Viewer(
@@ -47,11 +46,9 @@ class StoryPage:
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
 
     def __enter__(self) -> "StoryPage":
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the page."""
         self.viewer.close()
 
     def hear(self, moment: StoryMoment) -> None:

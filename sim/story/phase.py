@@ -54,7 +54,6 @@ class PhasePlanner:
     """
 
     def __init__(self, planner: ReactivePlanner, object_keeps: float = 0.005) -> None:
-        """Be in no phase."""
         self.planner, self.object_keeps = planner, object_keeps
         self.phase: str | None = None
         self.classes = np.zeros(0, np.int8)
@@ -220,7 +219,6 @@ class OfferedObject:
     """
 
     def __init__(self, view: PhasePlanner) -> None:
-        """Keep the view."""
         self.view = view
 
     def parted(self, threat: Threat) -> tuple[Threat, Threat | None]:

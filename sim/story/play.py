@@ -139,7 +139,6 @@ class Fingers:
         T_tool_object: np.ndarray | None,
         settings: GripperSettings = GripperSettings(),
     ) -> None:
-        """Set opening and what is held."""
         self.settings, self.T_tool_object = settings, T_tool_object
         self.share = settings.held if share is None else share
 
@@ -196,7 +195,6 @@ class StoryPlay:
         partner: Partner | None = None,
         fetch: bool = False,
     ) -> None:
-        """Put the robot at rest."""
         self.setup, self.case = setup, case
         give = case.direction == "give"
         if settings is None:

@@ -60,7 +60,6 @@ class PullDetector:
     """
 
     def __init__(self, settings: PullSettings | None = None) -> None:
-        """Feel nothing yet."""
         self.settings = settings or PullSettings()
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._rest: np.ndarray | None = None

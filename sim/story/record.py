@@ -37,7 +37,6 @@ class StoryRecorder:
     """Takes the moments of a run that was not begun."""
 
     def __init__(self, run: StoryPlay) -> None:
-        """Hold nothing yet."""
         self.run, self.moments = run, []
 
     def add(self, moment: StoryMoment) -> None:

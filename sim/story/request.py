@@ -108,7 +108,6 @@ class DemoRequest:
     json: Json = None
 
     def __post_init__(self) -> None:
-        """Refuse options that do not go together, before any work."""
         from roadmap.errors import BadInput
 
         trouble = self._trouble()

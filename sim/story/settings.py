@@ -302,7 +302,6 @@ class StorySettings:
         return cls(**(longer | settings))
 
     def __post_init__(self) -> None:
-        """Check every value."""
         if self.direction not in DIRECTIONS:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"

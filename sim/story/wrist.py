@@ -29,7 +29,6 @@ class PlainWrist:
     """The forces added up: what is needed without a simulator."""
 
     def __init__(self, obj: HeldObject) -> None:
-        """Take the object's place in the hand."""
         self._arm = np.array(obj.T_tool_object[:3, 3])
 
     def wrench(
@@ -62,7 +61,6 @@ class SimulatedWrist:
     LIGHT = 1e-3  # [kg] of an empty hand
 
     def __init__(self, obj: HeldObject) -> None:
-        """Open a simulation of its own."""
         from sim.draw.world import import_pybullet
 
         self._p = p = import_pybullet()

@@ -15,7 +15,6 @@ class Fitted:
     """
 
     def __init__(self, table: Table) -> None:
-        """Keep the table."""
         self.table = table
 
     def __rich_console__(

@@ -35,7 +35,6 @@ class Compiling:
     """What a command has still to compile; nothing if it is not in the table."""
 
     def __init__(self, command: str, root: Path = ROOT) -> None:
-        """Look at nothing yet."""
         self.root, self._command = root, command
         self._begun: float | None = None
         self._first_s = 0.0

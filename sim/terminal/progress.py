@@ -21,7 +21,6 @@ class Pulse:
     """Says what a command does, from a thread of its own, until it is stopped."""
 
     def __init__(self, command: str) -> None:
-        """Say nothing yet."""
         self.compiling = Compiling(command)
         self.bars: Bars | None = None
         self.doing = "starting: loading the planner"
@@ -131,7 +130,6 @@ class Bars:
     """
 
     def __init__(self, waiting: str = "preparing") -> None:
-        """Lay out the columns."""
         self._waiting, self._stage = waiting, (waiting, 0, 0)
         self._begun = time.monotonic()
         self._tasks: dict = {}
@@ -140,7 +138,6 @@ class Bars:
             self._bars = _rich_bars()
 
     def __enter__(self) -> "Bars":
-        """Show the bars."""
         if _pulse is not None:
             _pulse.bars = self
         if self._bars is not None:
@@ -187,7 +184,6 @@ class Bars:
         return text
 
     def __exit__(self, *_: object) -> None:
-        """Leave the bars as they are."""
         if _pulse is not None:
             _pulse.doing, _pulse.bars = self._stage[0], None
         if self._bars is None:

@@ -19,7 +19,6 @@ class ExactPair:
     """
 
     def __init__(self, first: Robot, second: Robot, T_world_base: np.ndarray) -> None:
-        """Gather the solids of all links, the standing ones included."""
         self.names = first.name, second.name
         self.first, self.second = ExactRobot(first, True), ExactRobot(second, True)
         self.T = np.asarray(T_world_base, float)

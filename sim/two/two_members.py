@@ -49,7 +49,6 @@ class TwoSettings:
     braking: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse values that make no run."""
         ranges = {"script_rest_s": (0.0, 1e6, "s"), "improve": (0, 10**6, "")}
         check_settings(self, ranges, ("improve",))
         for name in ("rate_hz", "duration_s"):
@@ -95,7 +94,6 @@ class Planned:
         settings: TwoSettings,
         ask_again: float,
     ) -> None:
-        """Stand at the waiting place."""
         self.planner, self._asker = planners
         self.robot, self.settings = self.planner.robot, settings
         self.places, self.wait, self.place, self.trips = places, wait, 0, 0

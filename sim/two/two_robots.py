@@ -51,7 +51,6 @@ class TwoRobots:
         T_world_base: np.ndarray,
         settings: TwoSettings | None = None,
     ) -> None:
-        """Put both at the places where they wait."""
         self.settings = settings or TwoSettings()
         T = np.asarray(T_world_base, float)
         self.T = (np.eye(4), T)

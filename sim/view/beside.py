@@ -41,7 +41,6 @@ class ArmBeside(Still):
         motion: HumanMotion,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """Let it stand."""
         robot, nodes = cell_map.robot, cell_map.roadmap.nodes
         middle = 0.5 * (robot.lower + robot.upper)
         self._q = nodes[int(np.linalg.norm(nodes - middle, axis=1).argmin())]

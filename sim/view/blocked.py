@@ -46,7 +46,6 @@ class RoadmapPicture:
     """
 
     def __init__(self, cell_map: CellMap) -> None:
-        """Work out where the tool is at every node."""
         self._map = cell_map
         robot, roadmap = cell_map.robot, cell_map.roadmap
         p = np.array([tool_pose(robot, q)[:3, 3] for q in roadmap.nodes])

@@ -29,7 +29,6 @@ class DraggedPerson:
     def __init__(
         self, motion: HumanMotion, hand: Callable[[], np.ndarray | None]
     ) -> None:
-        """Follow the motion."""
         self.motion, self._hand = motion, hand
         self._now = self._lag = 0.0  # of the run, and of the motion behind it [s]
         self._offset = np.zeros(3)

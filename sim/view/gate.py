@@ -85,7 +85,6 @@ class Gate:
     def __init__(
         self, door: socket.socket, inner_port: int, host: str, token: str
     ) -> None:
-        """Let nobody in yet."""
         self.port = door.getsockname()[1]
         self.host, self.token = host, token
         self._door, self._inner = door, inner_port

@@ -27,7 +27,6 @@ class Mailbox:
     """
 
     def __init__(self, descriptor: int | None = None, room: int = ROOM) -> None:
-        """Map the memory."""
         if descriptor is None:
             descriptor = os.memfd_create("odm-view")
             os.ftruncate(descriptor, _HEAD.size + room)

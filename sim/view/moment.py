@@ -99,7 +99,6 @@ class Happenings:
     """Makes events of states, frame by frame, and keeps them by time."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self.events: list[Event] = []
         self._state, self._place = ON_THE_WAY, None
 

@@ -86,7 +86,6 @@ class Page:
     """
 
     def __init__(self, show: Show, door: object, host: str, token: str) -> None:
-        """Open the door."""
         rich.get_console().quiet = True  # viser's own words on stdout
         self.shown, self.drawn = show, 0
         self.server = _Server(host=LOCAL, port=0, label=show.label, verbose=False)

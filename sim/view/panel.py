@@ -40,7 +40,6 @@ class Panel:
         stage: Stage,
         can_take: bool,
     ) -> None:
-        """Lay it out."""
         self.gui, self.source, self.playback = gui, source, playback
         self.stage, self.takes_hand = stage, False
         self.sentences: list[str] = []

@@ -20,7 +20,6 @@ class Playback:
     """
 
     def __init__(self, begin: float, end: float, live: bool = False) -> None:
-        """Stand at the beginning, or at the newest moment of a live run."""
         self.begin, self.end = begin, max(begin, end)
         self.live = self.following = live
         self.at = self.end if live else self.begin

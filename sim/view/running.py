@@ -20,7 +20,6 @@ class Pace:
     """Lets a run wait until the clock has come as far."""
 
     def __init__(self) -> None:
-        """Begin with the first wait."""
         self._begun: float | None = None
 
     def wait(self, due: float) -> None:
@@ -46,7 +45,6 @@ class Watched:
         host: str = LOCAL,
         token: str | None = None,
     ) -> None:
-        """Open the page and say where."""
         self._loop = loop
         self._live = getattr(loop, "live", None)  # of runs to hand-over targets
         drag = self._live is None and loop.motion is not None
@@ -70,11 +68,9 @@ class Watched:
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
 
     def __enter__(self) -> "Watched":
-        """Return itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the page."""
         self.viewer.close()
 
     def hear(self, frame: Frame) -> None:

@@ -82,7 +82,6 @@ class Recorded:
     live = knows_latency = False
 
     def __init__(self, record: RunRecord) -> None:
-        """Work out states and events of all frames."""
         self.record, self.robot = record, robot_of(record)
         self._place_q = record.arrays["places"]
         self._goals: dict[int, np.ndarray] = {}
@@ -251,7 +250,6 @@ class Letters:
     live = knows_latency = True
 
     def __init__(self, box: Mailbox) -> None:
-        """Have none yet."""
         self._box = box
         self._moments: deque[Moment] = deque(maxlen=KEPT)
         self._times: deque[float] = deque(maxlen=KEPT)
@@ -320,7 +318,6 @@ class Still:
     live = knows_latency = False
 
     def __init__(self, moment: Moment) -> None:
-        """Keep it."""
         self.moment = moment
         self.events: list[Event] = []
 

@@ -60,7 +60,6 @@ class Stage:
     def __init__(
         self, scene: "viser.SceneApi", robot: Robot, parts: list[Part]
     ) -> None:
-        """Draw what stands still."""
         self.scene, self.robot = scene, robot
         self.cell_map: CellMap | None = None
         self.roadmap: RoadmapPicture | None = None

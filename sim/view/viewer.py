@@ -34,7 +34,6 @@ class ViewerMissing(PlanningError):
     """viser is not installed; everything but the page works without it."""
 
     def __init__(self) -> None:
-        """Say what to do."""
         super().__init__(
             "the page needs viser, which is not installed; "
             "run: pip install 'odm-planner[view]'"
@@ -86,7 +85,6 @@ class Viewer:
         drag: bool = False,
         standing: Sequence[Shape] = (),
     ) -> None:
-        """Start the page's process."""
         check_viewer()
         if token is None:
             token = "" if is_local(host) else new_token()
@@ -151,11 +149,9 @@ class Viewer:
         return f"http://{shown}:{number}/{f'?token={token}' if token else ''}"
 
     def __enter__(self) -> "Viewer":
-        """Return the viewer itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the page."""
         self.close()
 
     def close(self) -> None:

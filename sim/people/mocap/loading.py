@@ -67,7 +67,6 @@ class MocapSettings:
     accept_defects: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse numbers that place nobody."""
         numbers = {"base_height": self.base_height, "floor": self.floor or 0.0}
         for name, value in numbers.items():
             if not abs(value) < 100:

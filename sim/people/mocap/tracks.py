@@ -40,7 +40,6 @@ class Tracks:
     rest: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Freeze the places; refuse a rate or a length that is no motion."""
         check_rate(self.rate_hz, self.source)
         for name in ("places", "rest"):
             near = {n: _near(p) for n, p in getattr(self, name).items()}
