@@ -10,6 +10,7 @@ from handover.human.body import ARM_LABELS
 from roadmap.geometry.gaps import moved_rods
 from roadmap.geometry.self_collision import configuration_free
 from roadmap.robot.robot import Robot
+from sim.loop.loop import exact_audit
 
 TALL_BASE = 0.5  # [m] a robot whose own base is higher stands on the floor
 TABLE = 0.75  # [m] else its base is this high above it
@@ -88,7 +89,7 @@ def find_meeting(
     """
     best = meet.best(max(k, TRIES))
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
-    distance_to = _exact_distance(robot)
+    distance_to = exact_audit(robot)
     answers, drawn = [], None
     for i, target in enumerate(best):
         if i >= k and drawn is not None:
@@ -127,12 +128,6 @@ def layer_at(meet: InteractionWorkspace, axis: int, at: float) -> int:
     own = at - meet.settings.T_world_base[axis, 3]
     layer = int(np.floor((own - grid.origin[axis]) / grid.cell))
     return min(max(layer, 0), grid.shape[axis] - 1)
-
-
-def _exact_distance(robot: Robot):
-    from sim.loop.loop import exact_audit
-
-    return exact_audit(robot)
 
 
 def _in_the_way(

@@ -14,7 +14,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
-from roadmap.robot.description import Description, read_description
+from roadmap.robot.description import read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
@@ -89,7 +89,10 @@ class World:
         known = known_robot(urdf)
         locked = {**(known.locked if known else {}), **(locked or {})}
         values = standing_values(description, robot.joint_names, locked)
-        self._lock(description, index, values)
+        for driver, value in values.items():  # what no `place` moves; fingers, too
+            self._turn(
+                [(index[n], f, o) for n, f, o in driven_by(description, driver)], value
+            )
         self._person: list[int] = []
         self._sizes, self._things = np.zeros((0, 2)), 0
         self._arm, self._held = robot, np.zeros((0, 4))
@@ -113,16 +116,14 @@ class World:
         if len(self._held):
             capsules = np.vstack([capsules, ball_rows(self._arm, self._held, q)])
         for row, value in zip(self._joints, q, strict=True):
-            for joint, factor, offset in row:
-                at = float(factor * value + offset)
-                self._call("resetJointState", self._robot, joint, at)
+            self._turn(row, value)
         length = np.linalg.norm(capsules[:, 3:6] - capsules[:, :3], axis=1)
         sizes = np.column_stack([length, capsules[:, 6]])
         same = sizes.shape == self._sizes.shape and things == self._things
         if not same or not np.allclose(sizes, self._sizes):
             self._remake_person(sizes, things)
         for body, row in zip(self._person, capsules, strict=True):
-            middle, quat_xyzw = (row[:3] + row[3:6]) / 2, _turn_z_to(row[3:6] - row[:3])
+            middle, quat_xyzw = (row[:3] + row[3:6]) / 2, turn_z_to(row[3:6] - row[:3])
             self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
 
     def carry(self, spheres: np.ndarray) -> None:
@@ -180,17 +181,11 @@ class World:
         empty = np.reshape(body, shape) < 0
         return colour, camera.metres(np.reshape(depth, shape)), empty
 
-    def _lock(
-        self,
-        description: Description,
-        index: Mapping[str, int],
-        values: Mapping[str, float],
-    ) -> None:
-        """Put the joints that no `place` moves where they stand; fingers, too."""
-        for driver, value in values.items():
-            for name, factor, offset in driven_by(description, driver):
-                at = float(factor * value + offset)
-                self._call("resetJointState", self._robot, index[name], at)
+    def _turn(self, driven: list[tuple[int, float, float]], value: float) -> None:
+        """Put all joints that one value drives where it says [rad or m]."""
+        for joint, factor, offset in driven:
+            at = float(factor * value + offset)
+            self._call("resetJointState", self._robot, joint, at)
 
     def _call(self, name: str, *args: object, **kwargs: object) -> object:
         kwargs["physicsClientId"] = self._client
@@ -338,8 +333,8 @@ def _redirected(target: int) -> dict[int, int]:
     return kept
 
 
-def _turn_z_to(direction: np.ndarray) -> list[float]:
-    """Return the quaternion (x, y, z, w) that turns the z axis to a direction."""
+def turn_z_to(direction: np.ndarray) -> list[float]:
+    """Return the quaternion x, y, z, w that turns the z axis to a direction (3,)."""
     length = np.linalg.norm(direction)
     if length < 1e-9:
         return [0.0, 0.0, 0.0, 1.0]

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -89,39 +88,18 @@ class Column:
         return np.concatenate([b.reshape(-1, width) for b in blocks]), offsets
 
 
-class Beside(Protocol):
-    """What is recorded beside the run itself, such as its targets.
-
-    Attributes:
-        format: The oldest format that holds it.
-    """
-
-    format: int
-
-    def add(self, frame: Frame) -> None:
-        """Take one frame."""
-        ...
-
-    def head(self) -> dict:
-        """Return plain data for the head of the recording."""
-        ...
-
-    def arrays(self, n: int) -> dict[str, np.ndarray]:
-        """Return the arrays of the first `n` frames."""
-        ...
-
-
 class Recorder:
     """Takes the frames of a loop; about 300 bytes each and 56 for every capsule.
 
     Args:
         loop: The loop; not begun.
         cell_map: The planner's map.
-        beside: What else is recorded; None: nothing.
+        beside: What else is recorded, such as `sim.run.meet_record.TargetColumns`;
+            None: nothing.
     """
 
     def __init__(
-        self, loop: Loop, cell_map: CellMap, beside: Beside | None = None
+        self, loop: Loop, cell_map: CellMap, beside: object | None = None
     ) -> None:
         self.loop, self.cell_map, self._beside = loop, cell_map, beside
         self.frames = 0
@@ -308,7 +286,7 @@ def check_recording_path(path: Path) -> None:
 
 @contextmanager
 def recording(
-    path: Path | None, loop: Loop, cell_map: CellMap, beside: Beside | None = None
+    path: Path | None, loop: Loop, cell_map: CellMap, beside: object | None = None
 ) -> Iterator[Recorder | None]:
     """Yield a recorder; what it took is written at the end, Ctrl-C or an error too.
 

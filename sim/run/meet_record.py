@@ -46,7 +46,12 @@ PERSON = "person."  # what the arrays of the person begin with
 
 
 class TargetColumns:
-    """What is recorded beside a run to targets; see `sim.record.recorder.Beside`."""
+    """What is recorded beside a run to targets.
+
+    Attributes:
+        loop: The run's.
+        format: The oldest format of a recording that holds it.
+    """
 
     format = TARGETS
 

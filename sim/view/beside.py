@@ -10,7 +10,7 @@ from sim.loop.loop import exact_audit
 from sim.people.human_motion import HumanMotion
 from sim.view.dragged import DraggedPerson
 from sim.view.moment import CONTACT, STILL, Moment
-from sim.view.sources import Still
+from sim.view.sources import Source
 
 
 class _Asleep:
@@ -26,7 +26,7 @@ class _Asleep:
         return self._motion.capsules(0.0)
 
 
-class ArmBeside(Still):
+class ArmBeside(Source):
     """The robot at a node of its roadmap, and an arm: one moment that changes.
 
     Args:
@@ -49,7 +49,6 @@ class ArmBeside(Still):
         self._audit = exact_audit(robot)
         self._audited: tuple[object, float] = (None, np.inf)
         self._clock, self._begun = clock, clock()
-        super().__init__(self.at(0.0))
 
     def take(self, place: np.ndarray | None) -> None:
         """Drag the hand to a place (3,) [m], or let it go."""

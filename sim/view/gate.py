@@ -39,6 +39,14 @@ def new_token() -> str:
     return secrets.token_urlsafe(16)
 
 
+def address_of(host: str, port: int, token: str) -> str:
+    """Return what to open in a browser for a page at an address of this machine."""
+    shown = f"[{host}]" if ":" in host else host
+    if host in ("0.0.0.0", "::"):
+        shown = socket.gethostname()
+    return f"http://{shown}:{port}/{f'?token={token}' if token else ''}"
+
+
 def listening(host: str, port: int) -> socket.socket:
     """Return a socket that listens at an address of this machine, on a free port."""
     if not isinstance(port, int) or not 0 <= port <= 65_535:
@@ -96,11 +104,7 @@ class Gate:
     @property
     def address(self) -> str:
         """What to open in a browser."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        if self.host in ("0.0.0.0", "::"):
-            host = socket.gethostname()
-        told = f"?token={self.token}" if self.token else ""
-        return f"http://{host}:{self.port}/{told}"
+        return address_of(self.host, self.port, self.token)
 
     def close(self) -> None:
         """Let nobody in any more."""

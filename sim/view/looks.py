@@ -68,18 +68,6 @@ def as_segments(line: np.ndarray) -> np.ndarray:
     return np.stack([line[:-1], line[1:]], axis=1).astype(np.float32)
 
 
-def turn_z_to(direction: np.ndarray) -> np.ndarray:
-    """Return the quaternion w, x, y, z that turns the z axis to a direction (3,)."""
-    length = float(np.linalg.norm(direction))
-    if length < 1e-9:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    x, y, z = direction / length
-    if z < -1 + 1e-9:
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    wxyz = np.array([1.0 + z, -y, x, 0.0])
-    return wxyz / np.linalg.norm(wxyz)
-
-
 def wxyz_of(R: np.ndarray) -> np.ndarray:
     """Return the quaternion w, x, y, z of a rotation (3, 3)."""
     from scipy.spatial.transform import Rotation

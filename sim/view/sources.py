@@ -5,7 +5,6 @@ import pickle
 from collections import deque
 from contextlib import suppress
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -39,8 +38,8 @@ _LOOKS = 100  # at so many frames of a recording the robot is looked at
 NO_ROWS = frozen(np.zeros((0, 5)), float)
 
 
-class Source(Protocol):
-    """Moments by time.
+class Source:
+    """Moments by time; one that never changes, unless a kind of source says more.
 
     Attributes:
         live: Whether more of them come.
@@ -48,28 +47,27 @@ class Source(Protocol):
         knows_latency: Whether the rows tell how long frames took.
     """
 
-    live: bool
-    events: list[Event]
-    knows_latency: bool
+    live = knows_latency = False
+    events: list[Event] = []  # of one that never changes
 
     def poll(self) -> bool:
         """Take what came; return whether anything did."""
-        ...
+        return False
 
     def span(self) -> tuple[float, float]:
         """Return the first and the last moment that there is [s]."""
-        ...
+        return 0.0, 0.0
 
     def at(self, time_s: float) -> Moment | None:
         """Return the last moment that is not later, None where there is none yet."""
-        ...
+        raise NotImplementedError
 
     def rows(self) -> np.ndarray:
         """Return (n, 5) all frames, see `Moment.rows`."""
-        ...
+        return NO_ROWS
 
 
-class Recorded:
+class Recorded(Source):
     """A recording, which needs nothing but its file.
 
     Args:
@@ -78,8 +76,6 @@ class Recorded:
     Attributes:
         robot: Its robot.
     """
-
-    live = knows_latency = False
 
     def __init__(self, record: RunRecord) -> None:
         self.record, self.robot = record, robot_of(record)
@@ -131,10 +127,6 @@ class Recorded:
         step = max(1, len(arrays["q"]) // _LOOKS)
         of_robot = lowest_of_robot(self.robot, parts, arrays["q"][::step])
         return min(lowest_of(people), of_robot)
-
-    def poll(self) -> bool:
-        """Nothing comes."""
-        return False
 
     def span(self) -> tuple[float, float]:
         """Return the first and the last moment [s]."""
@@ -244,7 +236,7 @@ def _trip_ends(place: np.ndarray) -> np.ndarray:
     return last[np.searchsorted(last, np.arange(len(place)))]
 
 
-class Letters:
+class Letters(Source):
     """The moments of a live run, as they lie in a mailbox; some minutes are kept."""
 
     live = knows_latency = True
@@ -310,29 +302,3 @@ class Letters:
         if time_s >= self._times[-1]:
             return self._moments[-1]
         return self._moments[max(bisect.bisect_right(self._times, time_s) - 1, 0)]
-
-
-class Still:
-    """One moment for ever: a map without a run."""
-
-    live = knows_latency = False
-
-    def __init__(self, moment: Moment) -> None:
-        self.moment = moment
-        self.events: list[Event] = []
-
-    def poll(self) -> bool:
-        """Nothing comes."""
-        return False
-
-    def span(self) -> tuple[float, float]:
-        """Return the one moment there is."""
-        return 0.0, 0.0
-
-    def rows(self) -> np.ndarray:
-        """Return no frames."""
-        return NO_ROWS
-
-    def at(self, time_s: float) -> Moment:
-        """Return the moment."""
-        return self.moment

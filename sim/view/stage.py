@@ -10,7 +10,7 @@ from roadmap.kinematics.forward import body_frames, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.animation import tool_line
 from sim.draw.style import person_colours
-from sim.draw.world import capsule_mesh
+from sim.draw.world import capsule_mesh, turn_z_to
 from sim.loop.carried import ball_rows
 from sim.view import looks
 from sim.view.blocked import (
@@ -222,7 +222,7 @@ class Stage:
             self._make_person(sizes)
         for node, row, axis in zip(self._person, capsules, axes, strict=True):
             node.position = 0.5 * (row[:3] + row[3:6])
-            node.wxyz = looks.turn_z_to(axis)
+            node.wxyz = np.roll(turn_z_to(axis), 1)
 
     def _make_person(self, sizes: np.ndarray) -> None:
         for node in self._person:

@@ -16,7 +16,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput, PlanningError
 from sim.draw.surroundings import all_triangles
-from sim.view.gate import LOCAL, PORT, is_local, listening, new_token
+from sim.view.gate import LOCAL, PORT, address_of, is_local, listening, new_token
 from sim.view.mailbox import HAND, READY, Mailbox
 from sim.view.moment import NOBODY, ON_THE_WAY, Event, Happenings, Moment, state_of
 
@@ -143,10 +143,7 @@ class Viewer:
             self.close()
             why = said.decode(errors="replace").strip() or "its process ended"
             raise BadInput(f"the page did not open: {why}")
-        shown = f"[{host}]" if ":" in host else host
-        if host in ("0.0.0.0", "::"):
-            shown = os.uname().nodename
-        return f"http://{shown}:{number}/{f'?token={token}' if token else ''}"
+        return address_of(host, number, token)
 
     def __enter__(self) -> "Viewer":
         return self
