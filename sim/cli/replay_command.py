@@ -179,10 +179,7 @@ def _play(path: Path, request: ReplayRequest) -> None:
         found = player.play(
             cell_map, recording, request.always_replan, request.paths, tell
         )
-    if request.json is not None:
-        show_json(found, request.json)
-    if request.json != "-":
-        player.show(found)
+    report(found, request.json, player.show)
 
 
 def _replay(path: Path, request: ReplayRequest) -> None:
@@ -208,13 +205,8 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     if "story" in found.head:
         _repeat_story(found, path, cell_map, request)
         return
-    if "targets" in found.head:
-        _repeat_targets(found, path, cell_map, request)
-        return
-    from sim.record import run_again
-
     with Bars() as tell:
-        again = run_again(found, cell_map, tell)
+        again = _again(found, cell_map, request, tell)
     _compare(found, again, path, request)
 
 
@@ -231,17 +223,19 @@ def _check_only(request: ReplayRequest) -> None:
         raise Refused(f"--record goes with a replay, not with {only[0]}; leave it out")
 
 
-def _repeat_targets(
-    found: "RunRecord", path: Path, cell_map: "CellMap", request: ReplayRequest
-) -> None:
-    """Let a robot meet the recorded person again."""
+def _again(
+    found: "RunRecord", cell_map: "CellMap", request: ReplayRequest, tell: Bars
+) -> "RunRecord":
+    """Run between work places, or to the targets of the recorded person, again."""
+    if "targets" not in found.head:
+        from sim.record import run_again
+
+        return run_again(found, cell_map, tell)
     from sim.run.meet import reach_map_of
     from sim.run.meet_record import targets_again
 
-    with Bars() as tell:
-        reach = reach_map_of(cell_map.robot, request.reach, tell)
-        again = targets_again(found, cell_map, reach, tell)
-    _compare(found, again, path, request)
+    reach = reach_map_of(cell_map.robot, request.reach, tell)
+    return targets_again(found, cell_map, reach, tell)
 
 
 def _repeat_story(

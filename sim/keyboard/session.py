@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from sim.keyboard.bindings import ARM_KEYS, END, HELP, PAUSE, plain
 from sim.keyboard.key_motion import KeyboardArm
@@ -62,14 +61,6 @@ class Pacer:
         self._next += self.period
 
 
-class FrameSource(Protocol):
-    """Anything that answers one frame after the other, such as `sim.loop.loop.Loop`."""
-
-    def frame(self) -> Frame:
-        """Answer one frame and move on by one period."""
-        ...
-
-
 @dataclass(frozen=True)
 class Setting:
     """Settings of a session.
@@ -93,7 +84,8 @@ class Session:
     """Runs a loop at the pace of the wall clock while keys move the person's arm.
 
     Args:
-        loop: Answers the frames; it asks `arm` where the person is.
+        loop: Its `frame` answers one frame and moves on, as that of
+            `sim.loop.loop.Loop`; it asks `arm` where the person is.
         arm: Moved by the keys.
         setting: Rate, end, and what the screen needs.
         on_frame: Called with every frame, to keep or record it.
@@ -105,7 +97,7 @@ class Session:
 
     def __init__(
         self,
-        loop: FrameSource,
+        loop: object,
         arm: KeyboardArm,
         setting: Setting,
         on_frame: Callable[[Frame], None] = lambda frame: None,

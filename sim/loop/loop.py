@@ -69,18 +69,28 @@ class LoopSettings:
         check_settings(
             self, {**ranges, "min_retreat_separation": (0.0, np.inf, "m")}, counts
         )
-        for name in ("rate_hz", "duration_s"):
-            value = getattr(self, name)
-            if not is_between(value, 0, np.inf) or value in (0, np.inf):
-                raise BadInput(f"{name} is {value}; give a number above 0")
+        check_times(self)
         if self.execution not in MOVERS:
             raise BadInput(
                 f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
             )
-        for name in ("speed_scale", "retreat_scale"):
-            value = getattr(self, name)
-            if not is_between(value, 1e-6, 1):
-                raise BadInput(f"{name} is {value}; give a share in (0, 1]")
+        check_shares(self, "speed_scale", "retreat_scale")
+
+
+def check_times(settings: object) -> None:
+    """Refuse settings of a run whose rate or duration is no number above 0."""
+    for name in ("rate_hz", "duration_s"):
+        value = getattr(settings, name)
+        if not is_between(value, 0, np.inf) or value in (0, np.inf):
+            raise BadInput(f"{name} is {value}; give a number above 0")
+
+
+def check_shares(settings: object, *names: str) -> None:
+    """Refuse settings of a run in which one of these is no share in (0, 1]."""
+    for name in names:
+        value = getattr(settings, name)
+        if not is_between(value, 1e-6, 1):
+            raise BadInput(f"{name} is {value}; give a share in (0, 1]")
 
 
 @dataclass(frozen=True)

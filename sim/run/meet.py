@@ -47,7 +47,6 @@ from sim.run.meet_loop import MeetLoop
 from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
-    Live,
     find_places,
     person_of,
     set_up_scene,
@@ -133,7 +132,8 @@ class MeetTask:
 
     Args:
         request: What was asked for.
-        live: Who moves the person; None: a script or a recording.
+        live: The `sim.keyboard.KeyboardPerson` who moves the person; None: a script or
+            a recording.
 
     Attributes:
         cell_map: The map, once it was opened.
@@ -143,7 +143,7 @@ class MeetTask:
 
     cell_map: CellMap
 
-    def __init__(self, request: RunRequest, live: Live | None = None) -> None:
+    def __init__(self, request: RunRequest, live: object | None = None) -> None:
         self.request, self.live, self.side = request, live, "right"
         self.verdicts: list[Verdict] = []
 

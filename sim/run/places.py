@@ -2,10 +2,8 @@
 
 import gc
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -30,38 +28,16 @@ DEMO = LoopSettings(duration_s=30.0, keep_paths=8)
 REHEARSAL_S = 3.0  # [s] simulated before time is measured
 
 
-class Live(Protocol):
-    """Somebody who moves the person while the run goes on, at the clock's pace."""
-
-    exit_code: int  # for the shell, once it has ended
-    sentence: str  # how it ended; "" where nobody is left to read it
-
-    def arm(self, person: Person) -> HumanMotion:
-        """Return the arm that is moved."""
-        ...
-
-    def open(self) -> None:
-        """Take the terminal, or refuse to run."""
-        ...
-
-    def play(self, loop: Loop, hear: Callable[[Frame], None]) -> RunResult | None:
-        """Run to the end; return the frames that were kept, None if there are none."""
-        ...
-
-    def figures(self, result: RunResult | None) -> dict:
-        """Return what came of it, as plain data."""
-        ...
-
-
 class PlacesTask:
     """To and fro between two work places, perhaps with a ball in the hand.
 
-    `live` moves the person; None: a script or a recording.
+    `live`, a `sim.keyboard.KeyboardPerson`, moves the person; None: a script or a
+    recording.
     """
 
     cell_map: CellMap
 
-    def __init__(self, request: RunRequest, live: Live | None = None) -> None:
+    def __init__(self, request: RunRequest, live: object | None = None) -> None:
         self.request, self.live = request, live
 
     def person(self) -> HumanMotion:

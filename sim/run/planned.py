@@ -17,7 +17,7 @@ from roadmap.transforms import pose_of_flat
 from sim.loop.loop import Frame, Loop, LoopSettings
 from sim.loop.run_result import RunResult
 from sim.people.receiver import PlannedReceiver, motion_of
-from sim.run.places import Live, set_up_scene, warm_up
+from sim.run.places import set_up_scene, warm_up
 from sim.run.report import print_report
 from sim.run.request import RunRequest
 
@@ -32,7 +32,6 @@ class PlanTask:
 
     Args:
         request: What was asked for.
-        live: Nobody: the plan says how the receiver moves.
 
     Attributes:
         cell_map: The map, once it was opened.
@@ -41,8 +40,7 @@ class PlanTask:
 
     cell_map: CellMap
 
-    def __init__(self, request: RunRequest, live: Live | None = None) -> None:
-        assert live is None and request.plan is not None
+    def __init__(self, request: RunRequest) -> None:
         self.request = request
         try:
             self.record = read_plan(request.plan)

@@ -19,7 +19,7 @@ from sim.people.human_motion import HumanMotion
 from sim.record import check_recording_path, recording
 from sim.run.meet import MeetTask
 from sim.run.meet_record import TargetColumns
-from sim.run.places import DEMO, Live, PlacesTask
+from sim.run.places import DEMO, PlacesTask
 from sim.run.planned import PlanTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
@@ -33,12 +33,12 @@ HINDERED = 0.1  # share of the time: who is slowed for longer is told why
 WIDE = 38.0  # opening of the camera for a scene in which the robot rises [deg]
 
 
-def run(request: RunRequest, live: Live | None = None) -> dict:
+def run(request: RunRequest, live: object | None = None) -> dict:
     """Run what was asked for; print the tables unless it is to be quiet.
 
-    `live` moves the person of `--motion keyboard`; see `sim.keyboard`. Returns the
-    figures as plain data: "run", "alone", "targets" or "plan", "notes", "setting",
-    "map_hash"; of a live run, see `Live.figures`.
+    `live` moves the person of `--motion keyboard`, a `sim.keyboard.KeyboardPerson`.
+    Returns the figures as plain data: "run", "alone", "targets" or "plan", "notes",
+    "setting", "map_hash"; of a live run, see its `figures`.
     """
     task = task_of(request, live)
     person = task.person()
@@ -86,10 +86,10 @@ def run(request: RunRequest, live: Live | None = None) -> dict:
     return data
 
 
-def task_of(request: RunRequest, live: Live | None) -> Task:
+def task_of(request: RunRequest, live: object | None) -> Task:
     """Return what the robot is to do: follow a plan, meet the person, or go round."""
     if request.plan is not None:
-        return PlanTask(request, live)
+        return PlanTask(request)
     return (MeetTask if request.meets else PlacesTask)(request, live)
 
 

@@ -12,21 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Protocol
 
 NEAR = 1.0  # [%] of success: less of a difference is none
 SLOWER = 1.25  # times the time until a scene has a path: less of a difference is none
 _BUILD = 3.0  # times the memory that a map takes is taken by its build
 _SHARE = 0.5  # of the free memory that a build may take
-
-
-class Costs(Protocol):
-    """What a size costs: see `sim.cli.suggest.Suggestion`."""
-
-    h: float
-    nodes: int
-    map_bytes: int
-    memory_bytes: int
 
 
 @dataclass(frozen=True)
@@ -64,28 +54,19 @@ def gain_of(nodes: int, h: float) -> Gain:
     return Gain(**{name: best[name] for name in Gain.__dataclass_fields__})
 
 
-def choice(rows: Sequence[Costs], memory: int) -> Costs | None:
+def choice(rows: Sequence, memory: int) -> object | None:
     """Return the smallest map that does as well and as soon as the best that fits.
 
     Args:
-        rows: Sizes and their costs.
+        rows: Sizes and their costs, as `sim.cli.suggest.Suggestion` has them.
         memory: Free [bytes]; a build may take half of it.
     """
     fit = [row for row in rows if _BUILD * row.memory_bytes <= _SHARE * memory]
     if not fit:
         return None
-    gains = {(row.nodes, row.h): gain_of(row.nodes, row.h) for row in fit}
-
-    def worth(row: Costs) -> float:
-        gain = gains[row.nodes, row.h]
-        return gain.crossing + gain.clutter
-
-    best = max(map(worth, fit))
-    good = [row for row in fit if worth(row) >= best - NEAR]
-    quickest = min(gains[row.nodes, row.h].clutter_p95_ms for row in good)
-    soon = [
-        row
-        for row in good
-        if gains[row.nodes, row.h].clutter_p95_ms <= SLOWER * quickest
-    ]
+    gains = [(row, gain_of(row.nodes, row.h)) for row in fit]
+    best = max(gain.crossing + gain.clutter for _, gain in gains)
+    good = [(r, g) for r, g in gains if g.crossing + g.clutter >= best - NEAR]
+    quickest = min(gain.clutter_p95_ms for _, gain in good)
+    soon = [row for row, gain in good if gain.clutter_p95_ms <= SLOWER * quickest]
     return min(soon, key=lambda row: row.map_bytes)

@@ -15,8 +15,8 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion, time_path
-from roadmap.ranges import check_settings, is_between
-from sim.loop.loop import ARRIVED
+from roadmap.ranges import check_settings
+from sim.loop.loop import ARRIVED, check_shares, check_times
 from sim.loop.run_result import STATUS
 
 LEAVE = 0.3  # [s] without a path before it goes and waits
@@ -51,14 +51,8 @@ class TwoSettings:
     def __post_init__(self) -> None:
         ranges = {"script_rest_s": (0.0, 1e6, "s"), "improve": (0, 10**6, "")}
         check_settings(self, ranges, ("improve",))
-        for name in ("rate_hz", "duration_s"):
-            value = getattr(self, name)
-            if not is_between(value, 0, np.inf) or value in (0, np.inf):
-                raise BadInput(f"{name} is {value}; give a number above 0")
-        for name in ("speed_scale", "script_scale"):
-            value = getattr(self, name)
-            if not is_between(value, 1e-6, 1):
-                raise BadInput(f"{name} is {value}; give a share in (0, 1]")
+        check_times(self)
+        check_shares(self, "speed_scale", "script_scale")
         if self.other not in (PLANNED, SCRIPTED):
             raise BadInput(f"other is {self.other!r}; choose {PLANNED} or {SCRIPTED}")
 
