@@ -70,18 +70,18 @@ class World:
         robot: Robot,
         locked: Mapping[str, float] | None = None,
     ) -> None:
-        self._bullet = import_pybullet()
+        import_pybullet()
         path = str(robot_file(urdf))
-        self._client = self._bullet.connect(self._bullet.DIRECT)
+        self._bullet = connected()
         try:
             with _without(INERTIA), tempfile.TemporaryDirectory() as folder:
                 drawn = _lit(path, Path(folder))
-                self._robot = self._call("loadURDF", drawn, useFixedBase=True)
+                self._robot = self._bullet.loadURDF(drawn, useFixedBase=True)
         except self._bullet.error as error:  # such as a visual mesh that is not there
             self.close()
             raise BadRobot(f"pybullet cannot draw {path}: {error}") from error
-        count = self._call("getNumJoints", self._robot)
-        infos = [self._call("getJointInfo", self._robot, j) for j in range(count)]
+        count = self._bullet.getNumJoints(self._robot)
+        infos = [self._bullet.getJointInfo(self._robot, j) for j in range(count)]
         index = {info[1].decode(): info[0] for info in infos}
         description = read_description(path)
         followers = [driven_by(description, name) for name in robot.joint_names]
@@ -105,7 +105,7 @@ class World:
 
     def close(self) -> None:
         """Disconnect from pybullet."""
-        self._call("disconnect")
+        self._bullet.disconnect()
 
     def place(self, q: np.ndarray, capsules: np.ndarray, things: int = 0) -> None:
         """Set the robot to `q` (dof,) and the person to (k, 7) capsules [m].
@@ -124,7 +124,7 @@ class World:
             self._remake_person(sizes, things)
         for body, row in zip(self._person, capsules, strict=True):
             middle, quat_xyzw = (row[:3] + row[3:6]) / 2, turn_z_to(row[3:6] - row[:3])
-            self._call("resetBasePositionAndOrientation", body, middle, quat_xyzw)
+            self._bullet.resetBasePositionAndOrientation(body, middle, quat_xyzw)
 
     def carry(self, spheres: np.ndarray) -> None:
         """Draw spheres (n, 4) of the tool frame in the robot's hand, too [m]."""
@@ -136,8 +136,7 @@ class World:
             some = triangles[i : i + _MOST_TRIANGLES]
             normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
             normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
-            visual = self._call(
-                "createVisualShape",
+            visual = self._bullet.createVisualShape(
                 self._bullet.GEOM_MESH,
                 vertices=some.reshape(-1, 3).tolist(),
                 normals=np.repeat(normals, 3, axis=0).tolist(),
@@ -145,7 +144,7 @@ class World:
                 rgbaColor=(*FURNITURE, 1.0),
                 specularColor=[0.05, 0.05, 0.05],
             )
-            self._call("createMultiBody", 0, -1, visual)
+            self._bullet.createMultiBody(0, -1, visual)
 
     def separation(self, limit: float = 1.0) -> float:
         """Return the distance of robot and person [m], `limit` if it is larger.
@@ -155,7 +154,7 @@ class World:
         """
         nearest = limit
         for body in self._person[: len(self._person) - len(self._held)]:
-            pairs = self._call("getClosestPoints", self._robot, body, limit)
+            pairs = self._bullet.getClosestPoints(self._robot, body, limit)
             nearest = min([nearest, *(pair[8] for pair in pairs)])
         return nearest
 
@@ -166,8 +165,7 @@ class World:
             (h, w, 3) uint8 colours, (h, w) distance along the view [m] and (h, w)
             bool, where nothing is seen.
         """
-        _, _, colour, depth, body = self._call(
-            "getCameraImage",
+        _, _, colour, depth, body = self._bullet.getCameraImage(
             camera.width,
             camera.height,
             camera.view().T.ravel().tolist(),
@@ -185,15 +183,11 @@ class World:
         """Put all joints that one value drives where it says [rad or m]."""
         for joint, factor, offset in driven:
             at = float(factor * value + offset)
-            self._call("resetJointState", self._robot, joint, at)
-
-    def _call(self, name: str, *args: object, **kwargs: object) -> object:
-        kwargs["physicsClientId"] = self._client
-        return getattr(self._bullet, name)(*args, **kwargs)
+            self._bullet.resetJointState(self._robot, joint, at)
 
     def _remake_person(self, sizes: np.ndarray, things: int) -> None:
         for body in self._person:
-            self._call("removeBody", body)
+            self._bullet.removeBody(body)
         self._sizes, self._things = sizes, things
         clad = person_colours(len(sizes) - things).tolist()
         colours = [(*colour, 1.0) for colour in (*clad, *[LOAD] * things)]
@@ -203,15 +197,13 @@ class World:
         ]
 
     def _capsule(self, length: float, radius: float, colour: tuple) -> int:
-        solid = self._call(
-            "createCollisionShape",
+        solid = self._bullet.createCollisionShape(
             self._bullet.GEOM_CAPSULE,
             radius=radius,
             height=length,
         )
         vertices, normals, triangles = capsule_mesh(length, radius)
-        visual = self._call(
-            "createVisualShape",
+        visual = self._bullet.createVisualShape(
             self._bullet.GEOM_MESH,
             vertices=vertices.tolist(),
             normals=normals.tolist(),
@@ -219,7 +211,7 @@ class World:
             rgbaColor=colour,
             specularColor=[0.1, 0.1, 0.1],
         )
-        return self._call("createMultiBody", 0, solid, visual)
+        return self._bullet.createMultiBody(0, solid, visual)
 
 
 def capsule_mesh(
@@ -252,6 +244,14 @@ def import_pybullet() -> ModuleType:
     except ImportError as error:
         raise SimulatorMissing from error
     return pybullet
+
+
+def connected() -> object:
+    """Return pybullet with a simulation of its own, or raise SimulatorMissing."""
+    direct = import_pybullet().DIRECT
+    from pybullet_utils.bullet_client import BulletClient
+
+    return BulletClient(direct)
 
 
 @contextlib.contextmanager

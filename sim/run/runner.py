@@ -1,8 +1,8 @@
 """The one runner of `odm run`: scripted, recorded or live person, places or targets."""
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,9 +54,11 @@ def run(request: RunRequest, live: object | None = None) -> dict:
         loop = task.loop(person, settings)
     with (
         recording(request.record, loop, task.cell_map, beside_of(task)) as recorder,
-        watched(request, loop, task.cell_map) as watching,
+        watched(request, loop, task.cell_map) as page,
     ):
-        listeners = [task.hear, *([recorder.add] if recorder else []), *watching]
+        listeners = [task.hear]
+        listeners += [recorder.add] if recorder else []
+        listeners += [page.hear] if page else []
 
         def hear(frame: Frame) -> None:
             for listener in listeners:
@@ -98,21 +100,15 @@ def beside_of(task: Task) -> TargetColumns | None:
     return task.columns() if isinstance(task, MeetTask) else None
 
 
-@contextmanager
 def watched(
     request: RunRequest, loop: Loop, cell_map: CellMap
-) -> Iterator[list[Callable[[Frame], None]]]:
-    """Yield who shows each frame on a page in the browser: one, or nobody."""
+) -> AbstractContextManager:
+    """Return the page in the browser that shows each frame, in which it is open."""
     if not request.view:
-        yield []
-        return
-    from sim.view.gate import LOCAL, PORT
+        return nullcontext()
     from sim.view.running import Watched
 
-    port = PORT if request.port is None else request.port
-    host = request.host or LOCAL
-    with Watched(loop, cell_map, port, host, request.token) as page:
-        yield [page.hear]
+    return Watched(loop, cell_map, request.port, request.host, request.token)
 
 
 def settings_of(request: RunRequest, person: HumanMotion) -> LoopSettings:

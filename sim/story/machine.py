@@ -69,58 +69,29 @@ SIGNALS = {
 }
 
 _OF_PLACES = (
-    Row(
-        PUT_DOWN,
-        "placed_elsewhere",
-        RETREAT,
-        "its place was not free: the object stands in another one",
-    ),
+    Row(PUT_DOWN, "placed_elsewhere", RETREAT,
+        "its place was not free: the object stands in another one"),
     Row(PUT_DOWN, "no_place", KEPT, "there is no place for the object: it keeps it"),
-    Row(
-        PUT_DOWN,
-        "unreached",
-        KEPT,
-        "no place is within reach as it is held: it keeps the object",
-        True,
-    ),
-    Row(
-        PUT_DOWN,
-        "beset",
-        KEPT,
-        "the person is in the way to each place: it keeps the object",
-        True,
-    ),
-    Row(
-        PUT_DOWN,
-        "late_holding",
-        KEPT,
-        "no free way leads to a place: it keeps the object",
-        True,
-    ),
+    Row(PUT_DOWN, "unreached", KEPT,
+        "no place is within reach as it is held: it keeps the object", True),
+    Row(PUT_DOWN, "beset", KEPT,
+        "the person is in the way to each place: it keeps the object", True),
+    Row(PUT_DOWN, "late_holding", KEPT,
+        "no free way leads to a place: it keeps the object", True),
     Row(PUT_DOWN, "late", RETREAT, "its way back from the place is blocked", True),
-)
+)  # fmt: skip
 
 GIVE = (
     Row(FETCH, "held", APPROACH, "the object is in the hand"),
     Row(FETCH, "missed", RETREAT, "there was nothing to grasp", True),
-    Row(
-        FETCH,
-        "occupied",
-        RETREAT,
-        "somebody stood where the object is: it could not be fetched in time",
-        True,
-    ),
+    Row(FETCH, "occupied", RETREAT,
+        "somebody stood where the object is: it could not be fetched in time", True),
     Row(FETCH, "late", RETREAT, "the object could not be fetched in time", True),
     Row(APPROACH, "lost", RETREAT, "the object was dropped on the way", True),
     Row(APPROACH, "pulled", WAIT, "somebody pulls on the way: it stands", True),
     Row(APPROACH, "arrived", PRESENT, "at the best place in reach"),
-    Row(
-        APPROACH,
-        "hindered",
-        PUT_DOWN,
-        "slowed for the person, it ran out of time",
-        True,
-    ),
+    Row(APPROACH, "hindered", PUT_DOWN,
+        "slowed for the person, it ran out of time", True),
     Row(APPROACH, "under_way", PUT_DOWN, "its way took longer than it may", True),
     Row(APPROACH, "late", PUT_DOWN, "nobody came within reach in time", True),
     Row(PRESENT, "lost", RETREAT, "the object was dropped", True),
@@ -132,13 +103,8 @@ GIVE = (
     Row(WAIT, "lost", RETREAT, "the object is gone without a release", True),
     Row(WAIT, "pulled", RELEASE, "the pull lasted: it lets go"),
     Row(WAIT, "gone", PRESENT, "the hand went away again"),
-    Row(
-        WAIT,
-        "unfelt",
-        PUT_DOWN,
-        "no force at the wrist was measured, so that a pull could not be felt",
-        True,
-    ),
+    Row(WAIT, "unfelt", PUT_DOWN,
+        "no force at the wrist was measured, so that a pull could not be felt", True),
     Row(WAIT, "late", PUT_DOWN, "the hand never pulled", True),
     Row(RELEASE, "open", RETREAT, "the person has the object"),
     Row(RELEASE, "slack", WAIT, "the hand let go too early: it holds on", True),
@@ -148,14 +114,13 @@ GIVE = (
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
     Row(PUT_DOWN, "placed", RETREAT, "the object is back in its place"),
     *_OF_PLACES,
-)
+)  # fmt: skip
 
 RECEIVE = (
     Row(APPROACH, "between", CLOSE, "the object was put between the fingers"),
     Row(APPROACH, "arrived", WAIT, "before the object"),
-    Row(
-        APPROACH, "hindered", RETREAT, "slowed for the person, it ran out of time", True
-    ),
+    Row(APPROACH, "hindered", RETREAT,
+        "slowed for the person, it ran out of time", True),
     Row(APPROACH, "under_way", RETREAT, "its way took longer than it may", True),
     Row(APPROACH, "late", RETREAT, "nothing was held out in reach in time", True),
     Row(WAIT, "between", CLOSE, "the object was put between the fingers"),
@@ -178,7 +143,7 @@ RECEIVE = (
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way", True),
     Row(PUT_DOWN, "placed", RETREAT, "the object stands in its place"),
     *_OF_PLACES,
-)
+)  # fmt: skip
 TABLES: Mapping[str, tuple[Row, ...]] = {"give": GIVE, "receive": RECEIVE}
 
 

@@ -386,13 +386,8 @@ def new_story(
     if give and not fetch:
         carried = carried_object(box_of(setup.obj))
         planner.attach(carried, setup.obj.T_tool_object)
-    executor = Executor(
-        planner.robot,
-        PhasePlanner(planner),
-        setup.rest,
-        1.0 / RATE,
-        EXECUTION,
-    )
+    robot, view = planner.robot, PhasePlanner(planner)
+    executor = Executor(robot, view, setup.rest, 1.0 / RATE, EXECUTION)
     targets = setup.targets(planner, human, settings.threat)
     places = setup.places() if fetch or not give else None
     return Handover(planner, targets, executor, settings, None, places)
@@ -416,13 +411,9 @@ def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
     body = case.body()
     if case.direction == "give":
         return Partner(body, setup.side, setup.obj, case.traits)
-    if known is None:
-        best = setup.meet(body).best(1)
-        target = best[0] if best else None
-    else:
-        target = known.target
-    if target is None:
+    best = [known.target] if known else setup.meet(body).best(1)
+    if not best:
         return Partner(body, setup.side, setup.obj, case.traits, gives=True)
-    grasp = setup.obj.hand_grasps[target.grasp]
-    told = (setup.obj, case.traits, True, target.arm_q, grasp)
+    grasp = setup.obj.hand_grasps[best[0].grasp]
+    told = (setup.obj, case.traits, True, best[0].arm_q, grasp)
     return Partner(body, setup.side, *told)

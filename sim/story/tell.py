@@ -1,10 +1,9 @@
 """`odm demo handover`: plays one hand-over, tells what happened, writes it down."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -45,33 +44,25 @@ from sim.terminal.progress import Bars
 FILM = "handover.gif"
 
 
-class LivePerson(Protocol):
-    """A person with `human(t)` whom a user moves while the story is played."""
-
-    person: object
-
-    def play(self, run: StoryPlay, hear: Callable[[StoryMoment], None]) -> StoryResult:
-        """Play a run, at the clock's pace."""
-        ...
-
-
 def tell_story(
     request: DemoRequest,
     cell_map: CellMap,
     reach: ReachMap,
-    live: LivePerson | None = None,
+    live: object | None = None,
     person: RecordedPerson | None = None,
     thing: GraspObject | None = None,
 ) -> dict:
     """Play a hand-over, print what happened, and write what was asked for.
 
-    `live` moves the person of `--human keyboard`, see `sim.keyboard.story`; `person`
-    was recorded, of `--human mocap`; `thing` is the user's object, see `object_of`.
-    Returns plain data: what came of it, times, figures, files.
+    `live`, a `sim.keyboard.story.KeyboardStory`, moves the person of `--human
+    keyboard`; `person` was recorded, of `--human mocap`; `thing` is the user's object,
+    see `object_of`. Returns plain data: what came of it, times, figures, files.
     """
     say: Callable[[str], None] = (lambda _: None) if request.json == "-" else print
+    pads = request.pads or ()
     with Bars("placing robot, object and person"):
-        setup = _setup_of(request, cell_map, reach, thing)
+        obj = None if thing is None else own_object(cell_map, pads, thing)
+        setup = setup_of(cell_map, reach, obj, pads=pads)
         wrist, note = wrist_of(setup)
         run = _run_of(request, setup, wrist, live.person if live else person)
     say(_said_before(setup, run, note))
@@ -85,12 +76,14 @@ def tell_story(
 
     with Bars("playing the hand-over"):
         rehearse(setup)
-    with _page(request, run, live is None) as shown:
+    told_to = request.port, request.host, request.token, live is None
+    with StoryPage(run, *told_to) if request.view else nullcontext() as page:
 
         def hear(moment: StoryMoment) -> None:
             recorder.add(moment)
             tell(live is None)  # the screen is the keys' picture
-            shown(moment)
+            if page is not None:
+                page.hear(moment)
 
         if live is None:
             lasts = request.lasts(patience_with(cell_map.robot))
@@ -115,19 +108,6 @@ def object_of(request: DemoRequest) -> GraspObject | None:
     if request.object is None:
         return None
     return load_object(request.object, request.mass, request.scale or 1.0)
-
-
-def _setup_of(
-    request: DemoRequest,
-    cell_map: CellMap,
-    reach: ReachMap,
-    thing: GraspObject | None,
-) -> StorySetup:
-    """Return the setup, with an object of the user's where one was given."""
-    pads, obj = request.pads or (), None
-    if thing is not None:
-        obj = own_object(cell_map, pads, thing)
-    return setup_of(cell_map, reach, obj, pads=pads)
 
 
 def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
@@ -202,19 +182,6 @@ def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:
             return SimulatedWrist(setup.obj), "reaction forces of pybullet at the wrist"
     except SimulatorMissing:
         return PlainWrist(setup.obj), "forces at the wrist are added up (no pybullet)"
-
-
-@contextmanager
-def _page(
-    request: DemoRequest, run: StoryPlay, paced: bool
-) -> Iterator[Callable[[StoryMoment], None]]:
-    """Yield who shows each moment on a page in the browser, or nobody."""
-    if not request.view:
-        yield lambda moment: None
-        return
-    told = (request.port, request.host, request.token, paced)
-    with StoryPage(run, *told) as page:
-        yield page.hear
 
 
 def _run_of(

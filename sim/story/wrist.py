@@ -4,25 +4,13 @@ Both feel the object's weight, which turns with the hand; the person's pull, awa
 the robot's hand; the bump of the first touch; and noise.
 """
 
-from typing import Protocol
-
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from handover.meet.held_object import HeldObject
 
 GRAVITY = 9.81  # [m/s2]
 BUMP_S = 0.04  # [s] a bump is half a sine
-
-
-class Wrist(Protocol):
-    """A sensor between arm and hand."""
-
-    def wrench(self, T_base_tool: np.ndarray, mass: float, force: np.ndarray) -> object:
-        """Return (6,) force and torque, tool frame, of what hangs in the hand.
-
-        `force` (3,) acts on the object's middle, base frame [N].
-        """
-        ...
 
 
 class PlainWrist:
@@ -34,7 +22,10 @@ class PlainWrist:
     def wrench(
         self, T_base_tool: np.ndarray, mass: float, force: np.ndarray
     ) -> np.ndarray:
-        """Return (6,) force and torque, tool frame; see `Wrist`."""
+        """Return (6,) force and torque, tool frame, of what hangs in the hand.
+
+        `mass` is its own [kg]; `force` (3,) acts on its middle, base frame [N].
+        """
         down = np.array([0.0, 0.0, -GRAVITY * mass])
         total = T_base_tool[:3, :3].T @ (down + force)
         return np.concatenate([total, np.cross(self._arm, total)])
@@ -61,15 +52,12 @@ class SimulatedWrist:
     LIGHT = 1e-3  # [kg] of an empty hand
 
     def __init__(self, obj: HeldObject) -> None:
-        from sim.draw.world import import_pybullet
+        from sim.draw.world import connected
 
-        self._p = p = import_pybullet()
-        self._client = p.connect(p.DIRECT)
-        p.setGravity(0, 0, -GRAVITY, physicsClientId=self._client)
+        self._p = p = connected()
+        p.setGravity(0, 0, -GRAVITY)
         self._arm = np.array(obj.T_tool_object[:3, 3])
-        ball = p.createCollisionShape(
-            p.GEOM_SPHERE, radius=0.01, physicsClientId=self._client
-        )
+        ball = p.createCollisionShape(p.GEOM_SPHERE, radius=0.01)
         self._body = p.createMultiBody(
             baseMass=0.0,
             baseCollisionShapeIndex=-1,
@@ -84,36 +72,34 @@ class SimulatedWrist:
             linkJointTypes=[p.JOINT_FIXED],
             linkJointAxis=[[0, 0, 1]],
             useMaximalCoordinates=False,
-            physicsClientId=self._client,
         )
-        p.enableJointForceTorqueSensor(self._body, 0, 1, physicsClientId=self._client)
+        p.enableJointForceTorqueSensor(self._body, 0, 1)
         self._mass = obj.mass_kg
 
     def wrench(
         self, T_base_tool: np.ndarray, mass: float, force: np.ndarray
     ) -> np.ndarray:
-        """Return (6,) force and torque, tool frame; see `Wrist`."""
-        p, client, body = self._p, self._client, self._body
+        """Return (6,) force and torque, tool frame; see `PlainWrist`."""
+        p, body = self._p, self._body
         if mass != self._mass:
             self._mass = mass
-            p.changeDynamics(
-                body, 0, mass=max(mass, self.LIGHT), physicsClientId=client
-            )
+            p.changeDynamics(body, 0, mass=max(mass, self.LIGHT))
         place = T_base_tool[:3, 3].tolist()
-        turn = _quaternion(T_base_tool[:3, :3])
-        p.resetBasePositionAndOrientation(body, place, turn, physicsClientId=client)
+        turn = Rotation.from_matrix(T_base_tool[:3, :3]).as_quat().tolist()
+        p.resetBasePositionAndOrientation(body, place, turn)
         middle = (T_base_tool[:3, 3] + T_base_tool[:3, :3] @ self._arm).tolist()
         for _ in range(self.STEPS):
-            p.applyExternalForce(
-                body, 0, force.tolist(), middle, p.WORLD_FRAME, physicsClientId=client
-            )
-            p.stepSimulation(physicsClientId=client)
-        reaction = p.getJointState(body, 0, physicsClientId=client)[2]
+            p.applyExternalForce(body, 0, force.tolist(), middle, p.WORLD_FRAME)
+            p.stepSimulation()
+        reaction = p.getJointState(body, 0)[2]
         return -np.array(reaction)  # what the object does to the hand
 
     def close(self) -> None:
         """End the simulation."""
-        self._p.disconnect(physicsClientId=self._client)
+        self._p.disconnect()
+
+
+Wrist = PlainWrist | SimulatedWrist
 
 
 def person_force(
@@ -129,9 +115,3 @@ def person_force(
         size = bump * np.sin(np.pi * since_touch / BUMP_S)
         force = force + size * (0.8 * T_base_tool[:3, 0] - 0.6 * T_base_tool[:3, 2])
     return force
-
-
-def _quaternion(R: np.ndarray) -> list[float]:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R).as_quat().tolist()

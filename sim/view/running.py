@@ -9,7 +9,7 @@ from sim.draw.surroundings import scene_of
 from sim.loop.loop import Frame, Loop
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.view.dragged import DraggedPerson
-from sim.view.gate import LOCAL
+from sim.view.gate import LOCAL, PORT
 from sim.view.sources import place_targets
 from sim.view.viewer import Viewer
 
@@ -41,8 +41,8 @@ class Watched:
         self,
         loop: Loop,
         cell_map: object,
-        port: int = 0,
-        host: str = LOCAL,
+        port: int | None = None,
+        host: str | None = None,
         token: str | None = None,
     ) -> None:
         self._loop = loop
@@ -53,8 +53,8 @@ class Watched:
         label = f"{loop.robot.name} beside {name}"
         self.viewer = Viewer(
             cell_map,
-            host=host,
-            port=port,
+            host=host or LOCAL,
+            port=PORT if port is None else port,
             token=token,
             rate_hz=rate,
             label=label,
