@@ -19,7 +19,7 @@ from handover.plans.limb import Limb
 from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, Looked
 from handover.plans.settings import PlanSettings, SolveSettings
-from handover.scenes.scene import PlacedAgent, Scene
+from handover.scenes.scene import Scene
 from roadmap.transforms import moved_points, pose_with, rotation_about
 
 _SOLVE = SolveSettings()
@@ -164,8 +164,8 @@ def tuples(
     sides = giver.limb.side, receiver.limb.side
     giving, taking = Grasper(giver, pair.of_giver), Grasper(receiver, pair.of_receiver)
     waits = {
-        "giver": _joints(scene.giver, giver.limb),
-        "receiver": _joints(scene.receiver, receiver.limb),
+        "giver": scene.giver.values(giver.limb.joints),
+        "receiver": scene.receiver.values(receiver.limb.joints),
     }
     stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
     every = np.arange(len(pair.of_receiver))
@@ -227,10 +227,6 @@ class _Once:
             if one is None:
                 return
             yield one
-
-
-def _joints(placed: PlacedAgent, limb: Limb) -> np.ndarray:
-    return np.array([placed.joints[name] for name in limb.joints])
 
 
 def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:

@@ -6,18 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from handover.grasps._closing import clearance
-from handover.grasps.closing import Target, is_outside, target_of
+from handover.grasps.closing import is_outside, target_of
 from handover.grasps.grasp_build import build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import load_hand
-from handover.grasps.hands import HandSpec, hand_spec
+from handover.grasps.hands import HandSpec
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
 from roadmap.chunks import Progress
-from roadmap.errors import BadInput, BadMap
+from roadmap.errors import BadMap
 
 FOLDER = Path("maps/built/grasps")
 BACK = (0.0, 0.0, -1.0)  # along the palm's normal, its frame
+target_once = lru_cache(maxsize=16)(target_of)
 _ALIKE = {"sdh_right": "sdh_left"}  # the same hand on the other arm
 
 
@@ -25,7 +26,6 @@ def grasps_for(
     thing: GraspObject,
     hand: HandSpec,
     folder: Path | None = None,
-    build: bool = True,
     progress: Progress | None = None,
 ) -> GraspSet:
     """Return the grasps of an object by a hand: the stored set, else a new one, stored.
@@ -34,25 +34,15 @@ def grasps_for(
         thing: The object.
         hand: The hand; those that are alike share a set.
         folder: Where sets are, OBJECT-HAND each; `maps/built/grasps` if left.
-        build: Make a set that is missing, which takes a minute.
-        progress: Called with (stage, done, total) while one is made.
-
-    Raises:
-        BadInput: There is none, and none is to be made; says how.
+        progress: Called with (stage, done, total) while a set is made, which takes a
+            minute.
     """
     name = _ALIKE.get(hand.name, hand.name)
-    if name in _ALIKE.values() or name == hand.name:
-        hand = hand if name == hand.name else hand_spec(name)
     path = Path(folder or FOLDER) / f"{thing.name}-{name}"
     found = _stored(path, thing.fingerprint())
     if found is not None:
         return found
-    if not build:
-        raise BadInput(
-            f"{path} holds no grasps of this {thing.name} by the hand {name}; make "
-            f"them with `odm grasps build --object {thing.name} --hand {name}`"
-        )
-    made = build_grasps(thing, hand.name, progress=progress)
+    made = build_grasps(thing, name, progress=progress)
     made.save(path)
     return made
 
@@ -70,7 +60,7 @@ def line_clear(
     By conservative advancement on exact distances, on a line of `length` [m] that ends
     in grasp g; `away` is the unit vector from there along it, frame of the palm.
     """
-    hand, target = load_hand(grasps.hand), _target(grasps.thing)
+    hand, target = load_hand(grasps.hand), target_once(grasps.thing)
     T, back = grasps.T_object_palm[g].copy(), 0.0
     use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
     step = T[:3, :3] @ np.array(away)
@@ -85,11 +75,6 @@ def line_clear(
             return False
         back += max(gap - proof.kept, proof.shortest)
     return True
-
-
-@lru_cache(maxsize=16)
-def _target(thing: GraspObject) -> Target:
-    return target_of(thing)
 
 
 def _stored(path: Path, fingerprint: str) -> GraspSet | None:

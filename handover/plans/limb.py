@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -232,14 +233,14 @@ def _limb(source: str, side: str, hand: str) -> Limb:
     model, spec = agent_model(source), load_hand(hand).spec
     description, whole = model.description, model.tree
     path = description.path(spec.palm)
-    arm = list(
-        dict.fromkeys(
-            drive(description, j)[0]
-            for j in path
-            if j.kind in MOVABLE and j.name not in spec.joints
-        )
+    known = known_robot(source)
+    held = known.locked if known else {}  # joints that a known robot holds still
+    drivers = dict.fromkeys(
+        drive(description, j)[0]
+        for j in path
+        if j.kind in MOVABLE and j.name not in spec.joints
     )
-    arm = _arm_only(source, arm)
+    arm = [name for name in drivers if name not in held]
     joints = (*arm, *spec.joints)
     rows = [whole.joint_names.index(name) for name in joints]
     # bodies that these joints move, and what the first hangs on
@@ -254,17 +255,14 @@ def _limb(source: str, side: str, hand: str) -> Limb:
             f"the {side} arm of {description.name} hangs on two bodies; its joints "
             "must be one chain"
         )
-    tree_i, tree_f = (
-        [(-1, -1, 0)],
-        [np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0]],
-    )
+    tree_i = [(-1, -1, 0)]
+    tree_f = [np.r_[np.eye(3).ravel(), np.zeros(3), 0, 0, 1, 1, 0]]
     for b in order:
         parent, joint, kind = whole.tree_i[b]
         tree_i.append((index[int(parent)], rows.index(joint), kind))
         tree_f.append(whole.tree_f[b])
     tree_i, tree_f = np.array(tree_i, np.int32), np.array(tree_f, float)
     limits = {k: np.asarray(v)[rows] for k, v in whole.limits.items()}
-    known = known_robot(source)
     parts, groups = _parts_of(model, spec, index)
     span = joint_span(tree_i, tree_f, limits["lower"], limits["upper"])
     palm = index[whole.link_body[spec.palm]]
@@ -278,11 +276,9 @@ def _limb(source: str, side: str, hand: str) -> Limb:
         reach[:, tree_i[b, 1]] += abs(tree_f[b, 15]) * far[:, b]
     chain = _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm)
     acceleration, jerk = limits["max_acceleration"], limits["max_jerk"]
-    for k, name in enumerate(joints):
-        acceleration[k] = (known.acceleration if known else {}).get(
-            name, acceleration[k]
-        )
-        jerk[k] = (known.jerk if known else {}).get(name, jerk[k])
+    for k, name in enumerate(joints if known else ()):
+        acceleration[k] = known.acceleration.get(name, acceleration[k])
+        jerk[k] = known.jerk.get(name, jerk[k])
     return Limb(
         side=side, model=model, joints=joints, n_arm=len(arm),
         lower=limits["lower"], upper=limits["upper"],
@@ -292,13 +288,6 @@ def _limb(source: str, side: str, hand: str) -> Limb:
         palm=palm, T_body_palm=T_palm, chain=chain, seven=seven_of(chain.arrays),
         spec=spec, own=frozenset(order.tolist()),
     )  # fmt: skip
-
-
-def _arm_only(source: str, arm: list[str]) -> list[str]:
-    """Leave out joints that the known robot of one arm holds still."""
-    known = known_robot(source)
-    held = known.locked if known else {}
-    return [name for name in arm if name not in held]
 
 
 def limb_of(agent: Agent, side: str) -> Limb:
@@ -337,32 +326,16 @@ def _below(description: Description, root: str) -> set[str]:
     return set(links)
 
 
-@dataclass(frozen=True, eq=False)
-class _Tree:
-    """What `tool_chain` reads of a robot."""
-
-    name: str
-    joint_names: tuple[str, ...]
-    lower: np.ndarray
-    upper: np.ndarray
-    continuous: np.ndarray
-    tree_i: np.ndarray
-    tree_f: np.ndarray
-    tip_body: int
-    T_body_tip: np.ndarray
-
-
 def _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm) -> Chain:
     """Return the arm from body 0 to the palm."""
-    n = len(arm)
     name = f"{source} {side}"
-    still = np.zeros(len(limits["lower"]), bool)
-    tree = _Tree(
-        name, tuple(arm), limits["lower"], limits["upper"], still, tree_i, tree_f,
-        palm, T_palm,
+    tree = SimpleNamespace(  # what `tool_chain` reads of a robot
+        name=name, joint_names=tuple(arm), lower=limits["lower"], upper=limits["upper"],
+        continuous=np.zeros(len(limits["lower"]), bool), tree_i=tree_i, tree_f=tree_f,
+        tip_body=palm, T_body_tip=T_palm,
     )  # fmt: skip
     arrays, rows = tool_chain(tree)
-    if rows != list(range(n)):
+    if rows != list(range(len(arm))):
         raise BadInput(f"{name}: joints of the hand move its palm; name another palm")
     return Chain(
         name=name, joint_names=tuple(arm), fixed=arrays.fixed, kind=arrays.kind,

@@ -7,10 +7,10 @@ tuple is worked out once for all of them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 
-from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import HandoverChoice, Pair, Report
 from handover.plans.limb import Limb
 from handover.plans.paths import SAME, Blocked, Clock, Paths
@@ -492,27 +492,11 @@ def _closing(limb: Limb, q_open: np.ndarray, q_shut: np.ndarray) -> np.ndarray:
 
 def home_of(placed: PlacedAgent, limb: Limb) -> np.ndarray:
     """Return where an arm and its hand wait, (dof,)."""
-    q = np.array([placed.joints[name] for name in limb.joints])
-    return np.clip(q, limb.lower, limb.upper)
+    return np.clip(placed.values(limb.joints), limb.lower, limb.upper)
 
 
 def _with_hand(limb: Limb, q: np.ndarray, fingers: np.ndarray) -> np.ndarray:
     return np.concatenate([q[: limb.n_arm], fingers])
-
-
-@dataclass(frozen=True, eq=False)
-class _Limits:
-    """What timing reads of a robot."""
-
-    name: str
-    joint_names: tuple[str, ...]
-    dof: int
-    lower: np.ndarray
-    upper: np.ndarray
-    continuous: np.ndarray
-    max_velocity: np.ndarray
-    max_acceleration: np.ndarray
-    max_jerk: np.ndarray
 
 
 def timed(
@@ -523,18 +507,19 @@ def timed(
     The arm stops in every corner, so that what is executed is what was proved.
     """
     begin, motions, held = 0.0, [], {
-        "giver": _inverse(pair.of_giver, chosen.grasp_giver),
-        "receiver": _inverse(pair.of_receiver, chosen.grasp_receiver),
+        "giver": pair.of_giver.T_object_palm[chosen.grasp_giver],
+        "receiver": pair.of_receiver.T_object_palm[chosen.grasp_receiver],
     }  # fmt: skip
     for piece in pieces:
         limb = (pair.giver if piece.who == "giver" else pair.receiver).limb
-        limits = _Limits(
-            limb.model.description.name, limb.joints, limb.dof, limb.lower, limb.upper,
-            np.zeros(limb.dof, bool), limb.max_velocity, limb.max_acceleration,
-            limb.max_jerk,
+        limits = SimpleNamespace(  # what timing reads of a robot
+            name=limb.model.description.name, joint_names=limb.joints, dof=limb.dof,
+            lower=limb.lower, upper=limb.upper, continuous=np.zeros(limb.dof, bool),
+            max_velocity=limb.max_velocity, max_acceleration=limb.max_acceleration,
+            max_jerk=limb.max_jerk,
         )  # fmt: skip
         motion = time_path(limits, piece.path, blend=0.0)
-        T = held[piece.who] if piece.holds else None
+        T = np.linalg.inv(held[piece.who]) if piece.holds else None
         motions.append(
             PlannedMotion(
                 piece.name, piece.who, limb.joints, motion, begin, piece.holds, T
@@ -542,7 +527,3 @@ def timed(
         )
         begin += motion.duration
     return tuple(motions)
-
-
-def _inverse(grasps: GraspSet, g: int) -> np.ndarray:
-    return np.linalg.inv(grasps.T_object_palm[g])

@@ -69,7 +69,7 @@ class Mover:
         self._q_other = self._held = b""  # the numbers of the last ones
         self._T_mount_world = np.linalg.inv(self.T_mount)
         self.put_object(scene.T_world_start)
-        self.put_other(np.array([other_placed.joints[name] for name in other.joints]))
+        self.put_other(other_placed.values(other.joints))
 
     # --- layout -----------------------------------------------------------------
 
@@ -98,6 +98,7 @@ class Mover:
         self._put_hand_balls(groups, balls)
         self._object_ball = balls[self.object_group].copy()
         pairs, reach, margin, first = self._pairs(groups, balls, placed, by_hand)
+        counts = np.diff(spans)[pairs].prod(axis=1)  # of the axes of a pair's parts
         self.space = kernels.Space(
             tree_i=tree_i,
             tree_f=tree_f,
@@ -114,7 +115,7 @@ class Mover:
             margin=margin.copy(),
             first=first,
             thing=self.object_group,
-            axis_row=_axis_rows(pairs, np.diff(spans)),
+            axis_row=np.cumsum(counts) - counts,
             turn_body=_turn_bodies(limb),
         )
         self._margin = margin
@@ -130,8 +131,9 @@ class Mover:
         fingers = _fingers(groups, limb, placed.body.neighbours)
         groups += [fingers[a] for a in fingers]
         self.object_group = len(groups)
-        groups.append(("object", self._object, _object_parts(scene, self._object)))
-        still = [
+        thing = [(self._object, points, 0.0) for points in _hulls(scene.obj)]
+        groups.append(("object", self._object, thing))
+        groups += [
             *_limb_groups(other, self._first_other, other.groups),
             *_rest(placed, limb, self._world, "own "),
             *_rest(other_placed, other, self._world, "other "),
@@ -140,7 +142,6 @@ class Mover:
                 for f in scene.scenery
             ),
         ]
-        groups += still
         return groups, list(fingers)
 
     def _put_hand_balls(self, groups: list, balls: np.ndarray) -> None:
@@ -156,11 +157,8 @@ class Mover:
         groups, which follow the hand.
         """
         limb, hand, thing = self.limb, self.hand_group, self.object_group
-        near, margin, own = (
-            placed.body.neighbours,
-            self.proof.margin,
-            self.proof.self_margin,
-        )
+        near, proof = placed.body.neighbours, self.proof
+        margin, own = proof.margin, proof.self_margin
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
         origin = origin + self.T_mount[:3, 3]
         rows_hand, rows_arm = [], []
@@ -339,12 +337,6 @@ def _scratch(space: kernels.Space, dof: int) -> kernels.Scratch:
     )
 
 
-def _axis_rows(pairs: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return where the axes of each pair's parts begin."""
-    counts = sizes[pairs[:, 0]] * sizes[pairs[:, 1]]
-    return np.cumsum(counts) - counts
-
-
 def _turn_bodies(limb: Limb) -> np.ndarray:
     """Return the body that each joint of the arm turns by its own angle, else -1."""
     found = np.full(limb.dof, -1)
@@ -502,10 +494,6 @@ def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple
         points = moved_points(points, T)
         links.setdefault(part.link, []).append((body, points, part.radius))
     return [(prefix + name, body, parts) for name, parts in links.items()]
-
-
-def _object_parts(scene: Scene, body: int) -> list[tuple]:
-    return [(body, points, 0.0) for points in _hulls(scene.obj)]
 
 
 @lru_cache(maxsize=16)

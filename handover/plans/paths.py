@@ -1,7 +1,7 @@
 """Proved paths of one arm: straight lines of the palm, lifts, searches, postures."""
 
+import time
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 
@@ -50,12 +50,21 @@ class OutOfTime(PlanningError):
     """The time limit is over; says in which step."""
 
 
-class Clock(Protocol):
-    """What ends a search."""
+class Clock:
+    """Ends a plan when its time is over; it decides nothing else."""
+
+    def __init__(self, limit_s: float) -> None:
+        self.begun, self.limit_s = time.perf_counter(), limit_s
 
     @property
     def over(self) -> bool:
         """Whether the time is over."""
+        return self.spent >= self.limit_s
+
+    @property
+    def spent(self) -> float:
+        """Time since it was made [s]."""
+        return time.perf_counter() - self.begun
 
 
 class Paths:

@@ -14,12 +14,17 @@ from handover.plans.grasps import grasps_for
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, PlannedMotion, home_of, timed
 from handover.plans.mover import Mover, mount_pose
-from handover.plans.paths import Blocked, OutOfTime
+from handover.plans.paths import Blocked, Clock, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
 from roadmap.ranges import check_kind, check_number
 
 LONGEST = 3600.0  # [s] time limit
+
+
+def _of_chosen(name: str) -> property:
+    """Return a property of a plan: what its tuple says, None where there is none."""
+    return property(lambda plan: plan.chosen and getattr(plan.chosen, name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,40 +61,11 @@ class HandoverPlan:
         """Other tuples of H, best first; they are looked for when first asked for."""
         return self.others()
 
-    @property
-    def arm(self) -> str | None:
-        """The giver's arm."""
-        return self.chosen.arm if self.chosen else None
-
-    @property
-    def arm_receiver(self) -> str | None:
-        """The receiver's arm."""
-        return self.chosen.arm_receiver if self.chosen else None
-
-    @property
-    def grasp_giver(self) -> int | None:
-        """The giver's grasp."""
-        return self.chosen.grasp_giver if self.chosen else None
-
-    @property
-    def grasp_receiver(self) -> int | None:
-        """The receiver's grasp."""
-        return self.chosen.grasp_receiver if self.chosen else None
-
-    @property
-    def T_world_handover(self) -> np.ndarray | None:
-        """The object's pose when it changes hands."""
-        return self.chosen.T_world_handover if self.chosen else None
-
-    @property
-    def q_giver(self) -> np.ndarray | None:
-        """The giver's arm and hand then."""
-        return self.chosen.q_giver if self.chosen else None
-
-    @property
-    def q_receiver(self) -> np.ndarray | None:
-        """The receiver's arm and hand then."""
-        return self.chosen.q_receiver if self.chosen else None
+    arm, arm_receiver = _of_chosen("arm"), _of_chosen("arm_receiver")
+    grasp_giver = _of_chosen("grasp_giver")
+    grasp_receiver = _of_chosen("grasp_receiver")
+    T_world_handover = _of_chosen("T_world_handover")
+    q_giver, q_receiver = _of_chosen("q_giver"), _of_chosen("q_receiver")
 
     @property
     def duration(self) -> float:
@@ -99,21 +75,6 @@ class HandoverPlan:
     def __bool__(self) -> bool:
         """Return whether there is a plan."""
         return self.found
-
-
-class _Clock:
-    """Ends a plan when its time is over; it decides nothing else."""
-
-    def __init__(self, limit_s: float) -> None:
-        self.begun, self.limit_s = time.perf_counter(), limit_s
-
-    @property
-    def over(self) -> bool:
-        return time.perf_counter() - self.begun >= self.limit_s
-
-    @property
-    def spent(self) -> float:
-        return time.perf_counter() - self.begun
 
 
 def plan_handover(
@@ -180,7 +141,7 @@ class _Tried:
         self._refused: set[int] = set()  # of tuples that are kept in the report
         self.seconds = 0.0
 
-    def once(self, chosen: HandoverChoice, clock: _Clock) -> tuple | None:
+    def once(self, chosen: HandoverChoice, clock: Clock) -> tuple | None:
         """Look for a tuple's motions with a small budget.
 
         Tuples with another grasp of the receiver are less dexterous: before the first
@@ -264,17 +225,24 @@ class _Search:
     def __init__(self, scene, settings, report, limbs, sets, limit_s) -> None:
         self.scene, self.settings, self.report = scene, settings, report
         self.limbs, self.sets = limbs, sets
-        self.clock = _Clock(limit_s)
+        self.clock = Clock(limit_s)
         self.reason, self.late = "", ""
         self.best_failure = -1
 
     def run(self, motions: bool) -> HandoverPlan:
-        report = self.report
-        givers = self._givers()
-        receivers = self._receivers()
-        trouble = self._checked(givers, receivers)
-        if trouble:
-            return self._failed(trouble)
+        scene, report = self.scene, self.report
+        givers, report.arm = self._arms("giver", scene.T_world_start)
+        receivers, goal_told = self._arms("receiver", scene.T_world_goal)
+        if not givers:
+            return self._failed(
+                f"the choice of an arm ended the plan: {report.arm} of "
+                f"{scene.giver.agent.name}; bring the {scene.obj.name} nearer by that"
+            )
+        if not receivers:
+            return self._failed(
+                f"the goal ended the plan: {goal_told} of "
+                f"{scene.receiver.agent.name}; bring the goal nearer by that"
+            )
         for giver in givers:
             for receiver in receivers:
                 pair = self._pair(giver, receiver)
@@ -299,42 +267,12 @@ class _Search:
 
     # --- which arms -----------------------------------------------------------------
 
-    def _givers(self) -> list[str]:
-        limbs = self.limbs["giver"]
-        mounts = {s: mount_pose(self.scene.giver, limb) for s, limb in limbs.items()}
-        order, self.report.arm = arms_in_order(
-            limbs, mounts, self._middle(self.scene.T_world_start), self._size
-        )
-        return order
-
-    def _receivers(self) -> list[str]:
-        limbs = self.limbs["receiver"]
-        mounts = {s: mount_pose(self.scene.receiver, x) for s, x in limbs.items()}
-        order, self._goal_told = arms_in_order(
-            limbs, mounts, self._middle(self.scene.T_world_goal), self._size
-        )
-        return order
-
-    @property
-    def _size(self) -> float:
-        return self.scene.obj.radius + 0.05  # [m] a voxel
-
-    def _middle(self, T: np.ndarray) -> np.ndarray:
-        return T[:3, :3] @ self.scene.obj.center + T[:3, 3]
-
-    def _checked(self, givers: list[str], receivers: list[str]) -> str:
-        scene = self.scene
-        if not givers:
-            return (
-                f"the choice of an arm ended the plan: {self.report.arm} of "
-                f"{scene.giver.agent.name}; bring the {scene.obj.name} nearer by that"
-            )
-        if not receivers:
-            return (
-                f"the goal ended the plan: {self._goal_told} of "
-                f"{scene.receiver.agent.name}; bring the goal nearer by that"
-            )
-        return ""
+    def _arms(self, who: str, T_world_object: np.ndarray) -> tuple[list[str], str]:
+        """Return an agent's arms that reach the object there, best first, and why."""
+        placed, limbs, thing = getattr(self.scene, who), self.limbs[who], self.scene.obj
+        mounts = {side: mount_pose(placed, limb) for side, limb in limbs.items()}
+        middle = T_world_object[:3, :3] @ thing.center + T_world_object[:3, 3]
+        return arms_in_order(limbs, mounts, middle, thing.radius + 0.05)  # [m] a voxel
 
     def _pair(self, giver: str, receiver: str) -> Pair:
         scene = self.scene
@@ -426,28 +364,29 @@ class _Search:
         thing = scene.obj.name
         if n:
             last = self.report.failed[-1] if self.report.failed else "not looked at"
-            far, reason = (
-                3,
-                f"the motions ended the plan: none for {n} tuples, {last}; ",
-            )
-            reason += "give more room, or settings with more tries or budget"
+            far, reason = 3, (
+                f"the motions ended the plan: none for {n} tuples, {last}; give more "
+                "room, or settings with more tries or budget"
+            )  # fmt: skip
         elif at_goal and not at_goal[1]:
-            far, reason = 0, "pruning at the goal ended the plan: of "
-            reason += f"{at_goal[0]} grasps of the {thing} none is left for the "
-            reason += f"receiver's {sides[1]} hand ({_counts(at_goal[2])}); move the "
-            reason += "goal, or clear what is round it"
+            far, reason = 0, (
+                f"pruning at the goal ended the plan: of {at_goal[0]} grasps of the "
+                f"{thing} none is left for the receiver's {sides[1]} hand "
+                f"({_counts(at_goal[2])}); move the goal, or clear what is round it"
+            )  # fmt: skip
         elif at_start and not at_start[1]:
-            far, reason = 1, "pruning at the start ended the plan: of "
-            reason += f"{at_start[0]} grasps of the {thing} none is left for the "
-            reason += f"giver's {sides[0]} hand ({_counts(at_start[2])}); move the "
-            reason += "object, or clear what is round it"
+            far, reason = 1, (
+                f"pruning at the start ended the plan: of {at_start[0]} grasps of the "
+                f"{thing} none is left for the giver's {sides[0]} hand "
+                f"({_counts(at_start[2])}); move the object, or clear what is round it"
+            )  # fmt: skip
         else:
             looked, taken = self.report.poses
-            far, reason = 2, f"the hand-over pose ended the plan: {looked} poses were "
-            reason += (
-                f"looked at, the receiver can take {taken} of them, and the giver "
-            )
-            reason += "none of those; bring the agents nearer to each other"
+            far, reason = 2, (
+                f"the hand-over pose ended the plan: {looked} poses were looked at, "
+                f"the receiver can take {taken} of them, and the giver none of those; "
+                "bring the agents nearer to each other"
+            )  # fmt: skip
         self._keep(far, reason)
 
     def _keep(self, far: int, reason: str) -> None:

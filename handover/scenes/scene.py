@@ -1,6 +1,6 @@
 """Scene: both agents as they stand, the object, its start and goal, furniture."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -58,6 +58,10 @@ class PlacedAgent:
     def body(self) -> AgentBody:
         """Its links and solids."""
         return agent_body(self.agent.source)
+
+    def values(self, names: Iterable[str]) -> np.ndarray:
+        """Return the values of some joints, in order [rad or m]."""
+        return np.array([self.joints[name] for name in names])
 
     def shapes(
         self, joints: Mapping[str, float] | None = None
