@@ -1,4 +1,13 @@
-"""The base of every error a user of the planner can meet."""
+"""The base of every error a user can meet, and the words that a remedy begins with."""
+
+import difflib
+from collections.abc import Collection
+
+
+def did_you_mean(given: object, known: Collection[str]) -> str:
+    """Return how a remedy begins: "give", or the nearest known word before it."""
+    near = difflib.get_close_matches(str(given), known, n=1)
+    return f"did you mean {near[0]!r}? Give" if near else "give"
 
 
 class PlanningError(Exception):

@@ -1,6 +1,5 @@
 """Agents that give or take: their arms, the hand on each, their postures."""
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ from handover.human.anthropometry import ARM_JOINTS
 from handover.human.human import Human
 from handover.human.postures import POSTURES
 from roadmap import load_robot
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, did_you_mean
 from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
@@ -210,8 +209,7 @@ def load_agent(name: str) -> Agent:
     """
     if name in _AGENTS:
         return _AGENTS[name]
-    near = difflib.get_close_matches(str(name), agent_names(), n=1)
-    hint = f"did you mean {near[0]!r}? Give" if near else "give"
     raise BadInput(
-        f"there is no agent {name!r}; {hint} one of {', '.join(agent_names())}"
+        f"there is no agent {name!r}; {did_you_mean(name, agent_names())} one of "
+        f"{', '.join(agent_names())}"
     )

@@ -1,12 +1,11 @@
 """Hands by name: where the palm is, which joints are fingers, how they stand open."""
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, did_you_mean
 
 
 def _at_height(z: float) -> np.ndarray:
@@ -153,8 +152,7 @@ def hand_spec(name: str) -> HandSpec:
     """Return what is known of a hand; BadInput lists the known names."""
     if name in _ALSO or name in _HANDS:
         return _HANDS[_ALSO.get(name, name)]
-    near = difflib.get_close_matches(str(name), hand_names(), n=1)
-    hint = f"did you mean {near[0]!r}? Give" if near else "give"
     raise BadInput(
-        f"there is no hand {name!r}; {hint} one of {', '.join(hand_names())}"
+        f"there is no hand {name!r}; {did_you_mean(name, hand_names())} one of "
+        f"{', '.join(hand_names())}"
     )

@@ -218,7 +218,7 @@ def _spec_of(
     description = read_description(robot_file(urdf))
     root = _carrier_of(description, [*pads, tip])
     ends, fingers = {}, []
-    for joint in _below(description, root):
+    for joint in description.below(root):
         if joint.kind in MOVABLE:
             driver = description.joints[drive(description, joint)[0]]
             ends[driver.name] = driver.lower, driver.upper
@@ -251,11 +251,3 @@ def _carrier_of(description: Description, links: Sequence[str]) -> str:
         )
     common = [row[0] for row in zip(*ways, strict=False) if len(set(row)) == 1]
     return common[-1]
-
-
-def _below(description: Description, root: str) -> list:
-    """Return the joints of all links below one."""
-    found = list(description.children(root))
-    for joint in found:
-        found += description.children(joint.child)
-    return found

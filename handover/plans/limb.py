@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.chain import Chain
 from handover.grasps.agents import Agent
-from handover.grasps.hand import load_hand
+from handover.grasps.hand import capsules_in, load_hand
 from handover.grasps.hands import HandSpec
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import Solid, solid_of
@@ -171,29 +171,15 @@ def agent_model(source: str) -> AgentModel:
 
 
 def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:
-    """Return solids as points with a radius; a cylinder between balls is a capsule."""
-    found, used = [], set()
-    for k, rod in enumerate(solids):
-        if rod.kind != CYLINDER:
-            continue
-        radius, length = rod.size[:2]
-        ends = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length
-        ends = moved_points(ends, rod.T_body_solid)
-        caps = [
-            i
-            for i, ball in enumerate(solids)
-            if ball.kind == SPHERE
-            and abs(ball.size[0] - radius) < 1e-9
-            and np.abs(ends - ball.T_body_solid[:3, 3]).max(axis=1).min() < 1e-9
-        ]
-        if len(caps) == 2:
-            found.append((ends, float(radius)))
-            used |= {k, *caps}
-    for k, solid in enumerate(solids):
-        if k not in used:
-            points, radius = _own_points(solid)
-            found.append((moved_points(points, solid.T_body_solid), radius))
-    return found
+    """Return solids as points with a radius, capsules first."""
+    rods, balls = capsules_in(solids)
+    own = [(solids[k], ends, float(solids[k].size[0])) for k, ends in rods.items()]
+    own += [
+        (solid, *_own_points(solid))
+        for k, solid in enumerate(solids)
+        if k not in rods and k not in balls
+    ]
+    return [(moved_points(points, s.T_body_solid), radius) for s, points, radius in own]
 
 
 def _own_points(solid: Solid) -> tuple[np.ndarray, float]:
@@ -303,7 +289,7 @@ def limb_of(agent: Agent, side: str) -> Limb:
 def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple:
     """Return the parts on the limb's bodies by link, those of the hand last."""
     hand, links = [], {}
-    below = _below(model.description, spec.root)
+    below = {spec.root} | {j.child for j in model.description.below(spec.root)}
     for part in model.parts:
         if part.body not in index or index[part.body] == 0:
             continue
@@ -317,13 +303,6 @@ def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple
         groups.append((name, len(parts), len(parts) + len(own)))
         parts += own
     return tuple(parts), tuple(groups)
-
-
-def _below(description: Description, root: str) -> set[str]:
-    links = [root]
-    for link in links:
-        links += [joint.child for joint in description.children(link)]
-    return set(links)
 
 
 def _chain_of(source, side, arm, tree_i, tree_f, limits, palm, T_palm) -> Chain:

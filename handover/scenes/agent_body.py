@@ -14,10 +14,10 @@ import numpy as np
 from odm.obstacles import shapes
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import Solid, solid_of
-from roadmap.loading.body_tree import drive
+from roadmap.loading.body_tree import link_poses
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, robot_file
-from roadmap.transforms import joint_motion, pose_of
+from roadmap.transforms import pose_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +66,7 @@ class AgentBody:
 
     def frames(self, joints: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return T_base_link, (4, 4) [m], of every link."""
-        poses = {self.description.root: np.eye(4)}
-        for link in self.links[1:]:
-            joint = self.description.parent_joint(link)
-            T = poses[joint.parent] @ joint.T_parent_joint
-            if joint.kind in MOVABLE:
-                driver, factor, offset = drive(self.description, joint)
-                value = factor * joints[driver] + offset
-                axis = joint.axis / np.linalg.norm(joint.axis)
-                T = T @ joint_motion(joint.kind, axis, value)
-            poses[link] = T
-        return poses
+        return link_poses(self.description, joints)
 
     def shapes(
         self, joints: Mapping[str, float], T_world_base: np.ndarray
@@ -97,9 +87,7 @@ def agent_body(source: str) -> AgentBody:
     """Return the body of a known robot, or of a URDF file."""
     file, known = robot_file(source), known_robot(source)
     description = read_description(file, known.endless if known else ())
-    links = [description.root]
-    for link in links:
-        links += [joint.child for joint in description.children(link)]
+    links = [description.root, *(j.child for j in description.below(description.root))]
     movable = [j for j in description.joints.values() if j.kind in MOVABLE]
     names = [j.name for j in movable if j.mimic is None]
     limits = {

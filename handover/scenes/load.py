@@ -1,6 +1,5 @@
 """`load_scene`: a scene by name, drawn by seed, or one of your own from a TOML file."""
 
-import difflib
 from pathlib import Path
 
 from handover.scenes.paper import PAPER_SCENES
@@ -8,7 +7,7 @@ from handover.scenes.scene import Scene
 from handover.scenes.scene_file import read_scene
 from handover.scenes.start_check import check_start
 from handover.scenes.varied import varied
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, did_you_mean
 from roadmap.ranges import check_number
 
 _SCENES = {**PAPER_SCENES, "varied": varied}
@@ -38,11 +37,9 @@ def load_scene(source: str | Path, seed: int = 0) -> Scene:
     elif Path(source).suffix == ".toml" or Path(source).is_file():
         scene = read_scene(Path(source), int(seed))
     else:
-        near = difflib.get_close_matches(str(source), scene_names(), n=1)
-        hint = f"did you mean {near[0]!r}? Give" if near else "give"
         raise BadInput(
-            f"there is no scene {str(source)!r}; {hint} one of "
-            f"{', '.join(scene_names())} or the path of a .toml file"
+            f"there is no scene {str(source)!r}; {did_you_mean(source, scene_names())} "
+            f"one of {', '.join(scene_names())} or the path of a .toml file"
         )
     check_start(scene)
     return scene

@@ -60,11 +60,8 @@ class Hold:
 
 def hand_links(placed: PlacedAgent, side: str) -> tuple[str, ...]:
     """Return the links of the hand of an arm: its root and all beyond."""
-    description = placed.body.description
-    links = [placed.agent.arms[side].spec.root]
-    for link in links:
-        links += [joint.child for joint in description.children(link)]
-    return tuple(links)
+    root = placed.agent.arms[side].spec.root
+    return root, *(joint.child for joint in placed.body.description.below(root))
 
 
 def plan_record(

@@ -192,6 +192,21 @@ def driven_by(description: Description, name: str) -> list[tuple[str, float, flo
     return [(own, f, o) for own, driver, f, o in rows if driver == name]
 
 
+def link_poses(
+    description: Description, values: Mapping[str, float]
+) -> dict[str, np.ndarray]:
+    """Return T_root_link (4, 4) [m] of every link, its drivers at `values`."""
+    poses = {description.root: np.eye(4)}
+    for joint in description.below(description.root):
+        T = poses[joint.parent] @ joint.T_parent_joint
+        if joint.kind in MOVABLE:
+            driver, factor, offset = drive(description, joint)
+            value = factor * values[driver] + offset
+            T = T @ joint_motion(joint.kind, joint.axis, value)
+        poses[joint.child] = T
+    return poses
+
+
 def _check_locked(description, drives, locked) -> None:
     for name, value in locked.items():
         if name not in drives:

@@ -80,6 +80,13 @@ class Description:
         """Return the joints that hang from `link`, in the order of the file."""
         return [j for j in self.joints.values() if j.parent == link]
 
+    def below(self, link: str) -> list[Joint]:
+        """Return the joints of all links beyond `link`, parents first."""
+        joints = self.children(link)
+        for joint in joints:
+            joints += self.children(joint.child)
+        return joints
+
     def parent_joint(self, link: str) -> Joint | None:
         """Return the joint that carries `link`, None for the root."""
         return next((j for j in self.joints.values() if j.child == link), None)

@@ -1,6 +1,5 @@
 """Robots known by name: the file each comes in, its tool and its locked joints."""
 
-import difflib
 import importlib.util
 import os
 from collections.abc import Mapping
@@ -8,7 +7,7 @@ from dataclasses import dataclass, field
 from importlib import metadata, resources
 from pathlib import Path
 
-from roadmap.errors import BadRobot
+from roadmap.errors import BadRobot, did_you_mean
 from roadmap.ranges import check_kind
 
 # What brings the files, and the remedy where it is absent.
@@ -207,9 +206,8 @@ def _folder(origin: str) -> Path | None:
 
 
 def _unknown(source: str) -> str:
-    near = difflib.get_close_matches(source, robot_names(), n=1)
-    hint = f"did you mean {near[0]!r}? Give" if near else "give"
     return (
         f"there is no URDF file at {source!r}, and no known robot has that name; "
-        f"{hint} the path of a .urdf file or one of {', '.join(robot_names())}"
+        f"{did_you_mean(source, robot_names())} the path of a .urdf file or one of "
+        f"{', '.join(robot_names())}"
     )

@@ -9,7 +9,7 @@ import trimesh
 
 from roadmap.errors import PlanningError
 from roadmap.kinematics.forward import body_frames
-from roadmap.loading.body_tree import driven_by, standing_values
+from roadmap.loading.body_tree import link_poses, standing_values
 from roadmap.robot.description import Description, Shape, read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
@@ -168,27 +168,7 @@ def link_frames(
     """Return T_root_link of every link of a URDF at `q` (dof,)."""
     values = dict(zip(robot.joint_names, q.tolist(), strict=True))
     values |= standing_values(description, robot.joint_names, locked)
-    at = {
-        own: factor * value + offset
-        for driver, value in values.items()
-        for own, factor, offset in driven_by(description, driver)
-    }
-    frames, left = {description.root: np.eye(4)}, [description.root]
-    while left:
-        parent = left.pop()
-        for joint in description.children(parent):
-            T = frames[parent] @ joint.T_parent_joint
-            if joint.kind == "prismatic":
-                T = T @ trimesh.transformations.translation_matrix(
-                    at[joint.name] * joint.axis
-                )
-            elif joint.name in at:
-                T = T @ trimesh.transformations.rotation_matrix(
-                    at[joint.name], joint.axis
-                )
-            frames[joint.child] = T
-            left.append(joint.child)
-    return frames
+    return link_poses(description, values)
 
 
 def _visual(
