@@ -59,13 +59,17 @@ def rotation_to_z(z: np.ndarray) -> np.ndarray:
 
 
 def flat_pose(T: np.ndarray) -> np.ndarray:
-    """Return a (4, 4) pose as (12,): rotation by rows, then origin [m]."""
-    return np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
+    """Return poses (..., 4, 4) as (..., 12): rotation by rows, then origin [m]."""
+    rotation = T[..., :3, :3].reshape(*T.shape[:-2], 9)
+    return np.concatenate([rotation, T[..., :3, 3]], axis=-1)
 
 
 def pose_of_flat(row: np.ndarray) -> np.ndarray:
-    """Return the (4, 4) pose of a row (12,), see `flat_pose` [m]."""
-    return pose_with(row[:9].reshape(3, 3), row[9:])
+    """Return the poses (..., 4, 4) of rows (..., 12), see `flat_pose` [m]."""
+    T = np.zeros((*row.shape[:-1], 4, 4))
+    T[..., :3, :3] = row[..., :9].reshape(*row.shape[:-1], 3, 3)
+    T[..., :3, 3], T[..., 3, 3] = row[..., 9:], 1.0
+    return T
 
 
 def inverse_pose(T: np.ndarray) -> np.ndarray:

@@ -8,14 +8,14 @@ import numpy as np
 
 from handover.grasps import _closing as kernels
 from handover.grasps.hands import HandSpec, hand_spec
-from odm.audit.exact import BOX_CORNERS, flat_frames, gather
+from odm.audit.exact import BOX_CORNERS, gather
 from roadmap.errors import BadRobot
 from roadmap.geometry.solids import Solid, solid_of
 from roadmap.loading.body_tree import drive
 from roadmap.robot.description import MOVABLE, Description, Joint, read_description
 from roadmap.robot.known import robot_file
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
-from roadmap.transforms import moved_points
+from roadmap.transforms import flat_pose, moved_points
 
 _KINDS = {
     "revolute": kernels.TURNS,
@@ -56,7 +56,7 @@ class Hand:
         """Return the hand with its palm at a pose (4, 4), joints at values (k,)."""
         n, m = len(self.links), len(self.arrays.local)
         state = kernels.HandState(
-            palm=flat_frames(np.asarray(T_object_palm, float)[None])[0],
+            palm=flat_pose(np.asarray(T_object_palm, float)),
             values=np.array(values, float),
             links=np.empty((n, 12)),
             frames=np.empty((m, 12)),
@@ -144,7 +144,7 @@ def _arrays(
     T_palm_root = np.linalg.inv(
         _pose_below(description, links[0], spec.palm) @ spec.T_link_palm
     )
-    fixed = flat_frames(np.array([T_palm_root, *(j.T_parent_joint for j in joints)]))
+    fixed = flat_pose(np.array([T_palm_root, *(j.T_parent_joint for j in joints)]))
     axes = [np.array([0.0, 0.0, 1.0]), *(j.axis for j in joints)]
     kinds = [0, *(_KINDS.get(j.kind, 0) for j in joints)]
     solids, parts = _merged(_solids(description, links, path))
@@ -161,7 +161,7 @@ def _arrays(
         driver=drivers,
         scale=np.array([(1.0, 0.0), *(d[1:] for d in driven)]),
         solids=gathered,
-        local=flat_frames(np.array([s.T_body_solid for s in solids])),
+        local=flat_pose(np.array([s.T_body_solid for s in solids])),
         bounds=np.array([_bounds(*part) for part in parts]),
         lever=_levers(base, fixed, kinds, driven, gathered, solids, len(names)),
         moves=moves,

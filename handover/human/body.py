@@ -241,9 +241,7 @@ class UpperBody:
     def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
         """Return part and joints of the rods of `_arm`, in its order."""
         shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
-        hand_part, fore, upper = (
-            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
-        )
+        hand_part, fore, upper = ARM_LABELS[side]
         fingers = [hand, tip if tip in self.present else elbow]
         return [
             (hand_part, fingers),
@@ -334,9 +332,7 @@ def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
     places = np.full((len(JOINTS), 3), np.nan)
     ends = [(Part.TORSO, "hip", None), (Part.HEAD, "neck", "head")]
     for side in SIDES:
-        hand, fore, upper = (
-            Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")
-        )
+        hand, fore, upper = ARM_LABELS[side]
         ends += [
             (upper, f"{side}_shoulder", f"{side}_elbow"),
             (fore, None, f"{side}_hand"),

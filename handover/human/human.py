@@ -98,8 +98,7 @@ class Human:
         put(self, "arms", _joints(self.arms, posture))
         T = self.T_world_pelvis
         if T is None:
-            sizes = self.sizes
-            T = floor_pose(self.skeleton, posture, (sizes.shank, sizes.torso))
+            T = floor_pose(self.skeleton, posture, self.sizes)
         put(self, "T_world_pelvis", frozen(check_pose(T, "T_world_pelvis"), np.float64))
         put(self, "T_world_chest", frozen(self._chest(), np.float64))
 
@@ -179,9 +178,8 @@ class Human:
         place = (float(x), float(y), float(yaw))
         if not np.isfinite(place).all():
             raise BadInput(f"nobody stands at {place}; give finite x, y [m], yaw [rad]")
-        sizes, posture = self.sizes, posture_named(self.posture)
-        radii = sizes.shank, sizes.torso
-        return self.moved(floor_pose(self.skeleton, posture, radii, place))
+        posture = posture_named(self.posture)
+        return self.moved(floor_pose(self.skeleton, posture, self.sizes, place))
 
     def resized(self, height: float) -> "Human":
         """Return a person of another height [m] in the same place and posture.
@@ -246,24 +244,24 @@ class Human:
             T_world_base: As in `surface_points`.
         """
         rods = _seen_from(T_world_base, self.capsules())
-        names = [Part(label).words for label in self.labels]
-        return Obstacles(capsules=rods, labels={"capsules": names})
+        return Obstacles(capsules=rods, labels={"capsules": self._names()})
 
     def surface_parts(
         self, spacing: float = 0.03, T_world_base: np.ndarray | None = None
     ) -> list[Surface]:
         """Return one closed, labelled `Surface` per capsule; see `surface_points`."""
         rods = _seen_from(T_world_base, self.capsules())
-        names = [Part(label).words for label in self.labels]
         return [
             Surface(sample_capsules(rod[None], spacing), spacing, name, closed=True)
-            for rod, name in zip(rods, names, strict=True)
+            for rod, name in zip(rods, self._names(), strict=True)
         ]
 
+    def _names(self) -> list[str]:
+        return [Part(label).words for label in self.labels]
+
     def _floor_height(self, factor: float) -> float:
-        sizes, skeleton = self.sizes, self.skeleton.scaled(factor)
-        radii = sizes.shank, sizes.torso
-        return floor_pose(skeleton, posture_named(self.posture), radii)[2, 3]
+        skeleton, posture = self.skeleton.scaled(factor), posture_named(self.posture)
+        return floor_pose(skeleton, posture, self.sizes)[2, 3]
 
     def _chest(self) -> np.ndarray:
         T = self.T_world_pelvis.copy()

@@ -184,8 +184,7 @@ class Arm:
             raise BadInput(f"poses have shape {poses.shape}; give (n, 4, 4)")
         if not np.isfinite(poses).all():
             raise BadInput("poses hold NaN or infinity; give finite numbers")
-        poses = self.mirrored(poses)
-        flat = np.hstack([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]])
+        flat = flat_pose(self.mirrored(poses))
         answer = np.empty(len(poses), np.bool_)
         work, q = np.empty((WORK_ROWS, 3)), np.empty(7)
         solvable_poses(self.packed, flat, work, q, answer)

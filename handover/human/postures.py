@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from handover.human.body import BodySizes
 from handover.human.skeleton import Skeleton
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
@@ -107,12 +108,12 @@ def leg_places(skeleton: Skeleton, posture: Posture) -> np.ndarray:
 def floor_pose(
     skeleton: Skeleton,
     posture: Posture,
-    radii: tuple[float, float],
+    sizes: BodySizes,
     place: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> np.ndarray:
     """Return T_world_pelvis (4, 4) of a person who rests on the floor z = 0.
 
-    `radii` are of shank and torso [m], for kneeling and lying; `place` is x, y of the
+    `sizes` tell how thick kneeling legs and a lying torso are; `place` is x, y of the
     pelvis [m] and the yaw that the person faces [rad].
     """
     T = pose_of((0.0, 0.0, 0.0), (0.0, np.radians(posture.pelvis), 0.0))
@@ -120,9 +121,9 @@ def floor_pose(
     if posture.support == "feet":
         lowest = (legs[:, 2, 2]).min() - skeleton.legs[2]
     elif posture.support == "knees":
-        lowest = (legs[:, 1, 2]).min() - radii[0]
+        lowest = (legs[:, 1, 2]).min() - sizes.shank
     else:
-        lowest = -radii[1]
+        lowest = -sizes.torso
     T[:3, :3] = rotation_rpy(0.0, 0.0, place[2]) @ T[:3, :3]
     T[:3, 3] = place[0], place[1], posture.step - lowest
     return T

@@ -76,7 +76,9 @@ def find_handover(
             reach map's, an `is_valid` that is none.
     """
     settings = settings or FindSettings()
-    _check(meet, robot, timeout)
+    if not 0 < timeout < np.inf:
+        raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
+    check_same_robot(meet.reach, robot)
     valid = validity_of(is_valid)
     T_base_world = np.linalg.inv(meet.settings.T_world_base)
     end = clock() + timeout
@@ -137,12 +139,6 @@ def _nothing(meet: InteractionWorkspace, tried: list) -> str:
     if tried:
         return f"all {len(tried)} targets failed; the first one by {tried[0][1]}"
     return f"no target: the person would have to come {meet.missing_m:.2f} m nearer"
-
-
-def _check(meet: InteractionWorkspace, robot: Robot, timeout: float) -> None:
-    if not 0 < timeout < np.inf:
-        raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
-    check_same_robot(meet.reach, robot)
 
 
 def check_same_robot(reach: ReachMap, robot: Robot) -> None:

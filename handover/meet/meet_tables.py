@@ -142,11 +142,6 @@ def hands_of(n_rotations: int, tool_hands: np.ndarray) -> kernels.Hands:
     return kernels.Hands(np.zeros((*n, 12)), np.zeros((*n, 3)), cell, np.zeros(2), same)
 
 
-def flat_poses(T: np.ndarray) -> np.ndarray:
-    """Return poses (n, 4, 4) as (n, 12): rotation by rows, origin."""
-    return np.concatenate([T[:, :3, :3].reshape(-1, 9), T[:, :3, 3]], axis=1)
-
-
 def scratch() -> kernels.Scratch:
     """Return scratch memory for the kernels."""
     sizes = (WORK_ROWS, 3), 5, 7, 7, 12

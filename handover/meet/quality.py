@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from handover.human import anthropometry as body
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS
 from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_joints
 from handover.meet import _quality as kernel
@@ -147,8 +147,7 @@ def _own_body(human: Human, side: str) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _not_of_arm(labels: bytes, side: str) -> np.ndarray:
     """Return which of the labelled capsules are not of an arm; asked every frame."""
-    own = [Part[f"{side}_{p}".upper()] for p in ("hand", "forearm", "upper_arm")]
-    return ~np.isin(np.frombuffer(labels, np.int64), own)
+    return ~np.isin(np.frombuffer(labels, np.int64), ARM_LABELS[side])
 
 
 def _checked(obstacles: Sequence | np.ndarray | None) -> np.ndarray:

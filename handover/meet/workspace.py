@@ -19,7 +19,6 @@ from handover.meet.meet_tables import (
     PersonTables,
     bounds_of,
     coarse_human_reach,
-    flat_poses,
     hands_of,
     scratch,
     state_of,
@@ -32,6 +31,7 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
 
@@ -116,7 +116,7 @@ class InteractionWorkspace:
         self._turns_world = R @ self._cells.grid.rotations.centers
         self._points_world = self._cells.points @ R.T + p
         self._T_tool_hand = obj.T_tool_object @ self.grasps
-        self._tool_hands = flat_poses(self._T_tool_hand)
+        self._tool_hands = flat_pose(self._T_tool_hand)
         self._hands = hands_of(len(self._tools), self._tool_hands)
         self._scratch = scratch()
         self._bounds = bounds_of(len(self._cells.points), self._hands)

@@ -17,7 +17,7 @@ from roadmap.errors import BadInput, BadMap
 from roadmap.kinematics._chain import from_lattice
 from roadmap.robot.robot import Robot
 from roadmap.store import made_of, read_folder, write_folder
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, flat_pose
 
 _KIND = "reach map"
 _PACKED = {
@@ -208,9 +208,8 @@ class ReachMap:
                 f"unit_m is {unit_m}, but the map of {self.chain.name} is in metres; "
                 "leave it away"
             )
-        flat = np.empty((len(stack), 12))
-        flat[:, :9] = R.reshape(-1, 9)
-        flat[:, 9:] = stack[:, :3, 3] / unit_m
+        flat = flat_pose(stack)
+        flat[:, 9:] /= unit_m
         return flat
 
 

@@ -11,6 +11,7 @@ from roadmap.geometry._self_collision import SelfModel, pair_clearance
 from roadmap.geometry.self_collision import self_collision
 from roadmap.kinematics._chain import forward
 from roadmap.kinematics._forward import body_frames
+from roadmap.transforms import pose_of_flat
 
 _LOOKS = 12  # configurations at which a link must stand alike to follow a row
 _ALIKE = 1e-9  # [m, or of a rotation's entries]
@@ -151,7 +152,7 @@ def _carriers(chain: Chain, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray 
         ours, theirs = np.zeros((n_rows, 12)), np.zeros((n_links, 12))
         forward(chain.arrays, q, ours)
         body_frames(robot.tree_i, robot.tree_f, chain.full(q), theirs)
-        rows[k], links[k] = _square(ours), _square(theirs)
+        rows[k], links[k] = pose_of_flat(ours), pose_of_flat(theirs)
     row, carried = [], []
     for body in bodies:
         for r in range(len(chain.kind) - 1, -2, -1):
@@ -164,11 +165,3 @@ def _carriers(chain: Chain, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray 
         else:
             return np.asarray(bodies), None
     return np.array(row), np.array(carried).reshape(-1, 4, 4)
-
-
-def _square(poses: np.ndarray) -> np.ndarray:
-    """Return poses (n, 12) as (n, 4, 4)."""
-    T = np.zeros((len(poses), 4, 4))
-    T[:, :3, :3], T[:, :3, 3] = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
-    T[:, 3, 3] = 1.0
-    return T

@@ -276,7 +276,7 @@ class LiveTargets:
         offers.spare_m = max(0.0, spare - self.told_larger)
         offers.begin(self._targets | {t.key: t for t in known})
         offers.renew(tuple(self._worth))
-        decision = self.choice.decide(
+        keys = self.choice.decide(
             [(t.key, t.quality) for t in targets],
             self._worth,
             pursued,
@@ -284,7 +284,7 @@ class LiveTargets:
             lambda key: offers.ready(key) is not None,
         )
         self._worth |= {t.key: t.quality for t in targets}
-        return offers.goals(decision.keys)
+        return offers.goals(keys)
 
     def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
         """Set the planner's goals; leave out those that have become invalid."""

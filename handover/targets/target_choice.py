@@ -6,25 +6,11 @@ goes over to an earlier one when that becomes free; this decides what it is offe
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from handover.targets.settings import ChoiceSettings
 from handover.targets.target_offers import Offer
-
-
-@dataclass(frozen=True)
-class Decision:
-    """What to do now.
-
-    Attributes:
-        keys: Cells to be goals, best first.
-        wish: A cell that should be one, but has no configuration yet; or None.
-    """
-
-    keys: tuple[int, ...]
-    wish: int | None = None
 
 
 class TargetChoice:
@@ -46,8 +32,8 @@ class TargetChoice:
         pursued: int | None,
         offer: Callable[[int], Offer],
         is_cheap: Callable[[int], bool],
-    ) -> Decision:
-        """Return what is on offer from now on.
+    ) -> tuple[int, ...]:
+        """Return the cells on offer from now on, best first: those to be goals.
 
         Args:
             ranked: (cell, quality) of the best targets, best first.
@@ -73,22 +59,18 @@ class TargetChoice:
         if s.patience_frames and pursued is not None:
             alive = [k for k in alive if k == pursued or worth[k] > bar]
         worth = dict(worth) | dict(ranked)
-        wish = None
         for key, quality in ranked:
             if not quality > bar or not self._may_offer(alive, worth, bar):
                 break
             if key in alive or self._shelf.get(key, 0) > self._frame:
                 continue
-            made = offer(key)
-            if made is Offer.MADE:
+            if offer(key) is Offer.MADE:
                 alive = self._with(alive, key, worth, bar)
                 break
-            if made is Offer.COMING and wish is None:
-                wish = key
         if pursued is not None and not s.patience_frames:
             alive = self._spared(alive, ranked, worth, bar, is_cheap)
         self._take(self._ordered(alive, worth, pursued))
-        return Decision(self.keys, wish)
+        return self.keys
 
     def put_off(self, key: int) -> None:
         """Take a cell off the offers for a while, though the planner found a path."""

@@ -6,16 +6,12 @@ from roadmap.arrays import writable
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics.joint_tree import JointTree
+from roadmap.transforms import pose_of_flat
 
 
 def body_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return T_base_body of every body, (n_bodies, 4, 4) [m]."""
-    flat = _flat_frames(robot, q)
-    poses = np.zeros((len(flat), 4, 4))
-    poses[:, :3, :3] = flat[:, :9].reshape(-1, 3, 3)
-    poses[:, :3, 3] = flat[:, 9:]
-    poses[:, 3, 3] = 1.0
-    return poses
+    return pose_of_flat(_flat_frames(robot, q))
 
 
 def tool_pose(robot: JointTree, q: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """A round of hand movements, timed so that no point of the arm is too fast."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -129,9 +130,14 @@ class Round:
         period = sum(leg.duration + leg.rest for leg in self.legs)
         last = self.legs[-1]
         missing = -period % (1 / TREMBLE_HZ)
-        self.legs[-1] = Leg(
-            last.start, last.stop, last.bow, last.duration, last.rest + missing
-        )
+        self.legs[-1] = replace(last, rest=last.rest + missing)
+
+    def motion(
+        self, name: str, limit: float, tremble: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> ScriptedMotion:
+        """Return the legs so far as a motion; see ScriptedMotion."""
+        legs = tuple(self.legs)
+        return ScriptedMotion(name, limit, self.person, legs, np.array(tremble))
 
     @property
     def home(self) -> np.ndarray:

@@ -43,7 +43,7 @@ def sweep(person: Person, rng: np.random.Generator) -> ScriptedMotion:
         script.move(place, rng.uniform(0.2, 1.0), rng.uniform(0.5, 1.0), bow)
         side = -side
     script.close(0.5, 0.8)
-    return ScriptedMotion("sweep", limit, person, tuple(script.legs), np.zeros(3))
+    return script.motion("sweep", limit)
 
 
 def reach(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -54,7 +54,7 @@ def reach(person: Person, rng: np.random.Generator) -> ScriptedMotion:
         script.move(_in_work_space(rng), rng.uniform(0.2, 0.8), rng.uniform(0.85, 1.0))
         script.move(ASIDE, rng.uniform(0.8, 2.0), rng.uniform(0.6, 0.9))
     script.close(1.0)
-    return ScriptedMotion("reach", limit, person, tuple(script.legs), np.zeros(3))
+    return script.motion("reach", limit)
 
 
 def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -65,9 +65,7 @@ def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
         place = (rng.uniform(0.45, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(0.3, 0.6))
         script.move(place, rng.uniform(3.0, 6.0))
     script.close(2.0)
-    direction = rng.normal(size=3)
-    tremble = direction * min(TREMBLE, 0.02 * limit) / np.linalg.norm(direction)
-    return ScriptedMotion("jitter", limit, person, tuple(script.legs), tremble)
+    return script.motion("jitter", limit, _amplitude(limit, rng))
 
 
 def tremble(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -77,9 +75,13 @@ def tremble(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     script = Round(person, place, 0.3 * limit)
     script.move(tuple(np.add(place, (0.001, 0.0, 0.0))), 9.0)  # a leg leads somewhere
     script.close(9.0)
+    return script.motion("tremble", limit, _amplitude(limit, rng))
+
+
+def _amplitude(limit: float, rng: np.random.Generator) -> np.ndarray:
+    """Return the (3,) amplitude of a tremble in some direction [m]."""
     direction = rng.normal(size=3)
-    tremble = direction * min(TREMBLE, 0.02 * limit) / np.linalg.norm(direction)
-    return ScriptedMotion("tremble", limit, person, tuple(script.legs), tremble)
+    return direction * min(TREMBLE, 0.02 * limit) / np.linalg.norm(direction)
 
 
 def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -90,7 +92,7 @@ def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
         script.move(_in_work_space(rng), rng.uniform(2.0, 5.0), rng.uniform(0.5, 1.0))
         script.move(ASIDE, rng.uniform(2.0, 4.0), rng.uniform(0.5, 1.0))
     script.close(1.0)
-    return ScriptedMotion("hover", limit, person, tuple(script.legs), np.zeros(3))
+    return script.motion("hover", limit)
 
 
 def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -101,7 +103,7 @@ def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
         script.move(_in_work_space(rng), rng.uniform(0.1, 0.6))
         script.move(ASIDE, rng.uniform(1.5, 4.0), 0.3)
     script.close(1.0)
-    return ScriptedMotion("intrusion", limit, person, tuple(script.legs), np.zeros(3))
+    return script.motion("intrusion", limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +138,7 @@ def crowding(person: Person, rng: np.random.Generator) -> Together:
         script.move((x + 0.1, y - 0.2, z), rng.uniform(0.5, 2.5), rng.uniform(0.5, 1.0))
         script.move(AWAY, rng.uniform(1.0, 3.0), rng.uniform(0.5, 1.0))
     script.close(1.0)
-    second = ScriptedMotion("beside", limit, beside, tuple(script.legs), np.zeros(3))
+    second = script.motion("beside", limit)
     return Together("crowding", (reach(person, rng), second))
 
 

@@ -266,14 +266,13 @@ class Partner:
         T, ways = self.human.T_world_hand(self.side), [[self._rest]]
         for back in (2.0 * _BACK, _BACK):
             before = self._drawn_back(T, self.arm, back)
-            if before is not None:
-                ways.insert(0, [before, self._rest])
+            if len(before):
+                ways.insert(0, [before[0], self._rest])
         able = [w for w in ways if self._passes(w)]
         way = next((w for w in able if self._clears(w)), None)
         self._waits = way is None
         if way is None:
-            backs = (q for far in _BACKS for q in self._ways_back(T, far))
-            parts = ([q] for q in backs)
+            parts = ([q] for far in _BACKS for q in self._drawn_back(T, self.arm, far))
             good = (w for w in parts if self._passes(w) and self._clears(w))
             way = next(good, (able or ways)[0])
         first, *then = way
@@ -314,27 +313,13 @@ class Partner:
 
     def _drawn_back(
         self, T_world_hand: np.ndarray, q: np.ndarray, back_m: float = _BACK
-    ) -> np.ndarray | None:
-        """Return (7,) near q with the hand drawn back to the shoulder; None: none."""
-        found = self._all_drawn_back(T_world_hand, back_m)
-        if not len(found):
-            return None
-        return np.array(found[np.abs(found - q).max(axis=1).argmin()])
-
-    def _all_drawn_back(self, T_world_hand: np.ndarray, back_m: float) -> np.ndarray:
-        """Return (k, 7) all with the hand drawn back to the shoulder by a way [m]."""
+    ) -> np.ndarray:
+        """Return (k, 7) with the hand nearer the shoulder, those nearest to q first."""
         T = np.array(T_world_hand)
         back = self.body.T_world_shoulder(self.side)[:3, 3] - T[:3, 3]
         T[:3, 3] += back_m * back / np.linalg.norm(back)
-        return self.body.arm_ik(self.side, T).q
-
-    def _ways_back(self, T_world_hand: np.ndarray, back_m: float) -> np.ndarray:
-        """Return (k, 7) all of those, the nearest first."""
-        found = self._all_drawn_back(T_world_hand, back_m)
-        if not len(found):
-            return found
-        order = np.abs(found - self.arm).max(axis=1).argsort(kind="stable")
-        return found[order]
+        found = self.body.arm_ik(self.side, T).q
+        return found[np.abs(found - q).max(axis=1).argsort(kind="stable")]
 
     def _reach(self, now: float, T_object: np.ndarray) -> None:
         """Aim the hand at a grasp of the object: the nearest one, round the robot."""
@@ -347,8 +332,7 @@ class Partner:
                 found.append((float(np.abs(q - self.arm).max()), np.array(q), grasp))
         found.sort(key=lambda one: one[0])
         for _, q, grasp in found[:_LOOKED_AT]:
-            before = self._drawn_back(T_object @ grasp, q)
-            legs = [q] if before is None else [before, q]
+            legs = [*self._drawn_back(T_object @ grasp, q)[:1], q]
             if not self._passes(legs):
                 continue
             self._aim, self.grasp = T_object[:3, 3].copy(), np.array(grasp)

@@ -14,7 +14,7 @@ from roadmap.arrays import freeze
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
 from sim.people.arm import HumanArm
-from sim.people.arm_path import Person, Round, ScriptedMotion
+from sim.people.arm_path import Person, Round
 from sim.people.human_motion import HumanMotion, Together, motion_names, register_motion
 from sim.people.placed import Placed, turned
 
@@ -162,9 +162,7 @@ def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
     last = script.legs[-1]
     rest = max(0.0, ROUND_S - sum(leg.duration + leg.rest for leg in script.legs))
     script.legs[-1] = replace(last, rest=last.rest + rest)
-    legs = tuple(script.legs)
-    arm = ScriptedMotion(name, limit, stand.person, legs, np.zeros(3))
-    return Placed(arm, stand.yaw)
+    return Placed(script.motion(name, limit), stand.yaw)
 
 
 # --- the scenes: arms before the first work place and before the second --------------

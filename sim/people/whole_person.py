@@ -17,9 +17,8 @@ from sim.people.arm_path import Person, minimum_jerk
 from sim.people.human_motion import HumanMotion, make_motion
 from sim.people.mocap import MocapMotion
 
-BASE_HEIGHT = (
-    0.75  # of the robot's base above the floor a scripted person stands on [m]
-)
+# Of the robot's base above the floor that a scripted person stands on [m].
+BASE_HEIGHT = 0.75
 WALKING = 0.25  # fastest pace of a scripted person who changes place [m/s]
 NEAR, FAR = 0.6, 1.3  # distances a scripted person walks between, if not told [m]
 LOOKED_AT = (0.0, 0.0, 0.3)  # where a person looks who watches the robot [m]

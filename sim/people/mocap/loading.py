@@ -257,8 +257,9 @@ def _motion(
     jumped = np.zeros(shape, bool)
     for joint in present:
         place = moved_points(joints[joint][order], T)
-        known, k = remember(place, rate, settings.loop), COLUMN[joint]
-        places[:, k], guesses[:, k], age[:, k] = known.places, known.guess, known.age_s
+        k = COLUMN[joint]
+        known = remember(place, rate, settings.loop)
+        places[:, k], guesses[:, k], age[:, k] = known
         jumped[:, k] = faults[joint].bad[order]
     frames = body.capsules(places)
     oldest = np.where(body.needs, age[:, None, :], 0.0).max(axis=2)
@@ -269,19 +270,9 @@ def _motion(
     after = np.roll(grown, -1, axis=0)[: len(moved)]
     advance = (moved + after - grown[: len(moved)]).max() * rate
     return MocapMotion(
-        source,
-        max(float(advance), 0.0),
-        rate,
-        (n_frames - 1) / rate,
-        settings.loop,
-        frames,
-        body.capsules(guesses),
-        body.labels,
-        age,
-        jumped,
-        T,
-        tuple(notes),
-    )
+        source, max(float(advance), 0.0), rate, (n_frames - 1) / rate, settings.loop,
+        frames, body.capsules(guesses), body.labels, age, jumped, T, tuple(notes),
+    )  # fmt: skip
 
 
 def _fastest_seen(moved: np.ndarray, oldest: np.ndarray, rate: float) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handover.human.body import JOINTS, Part
+from handover.human.body import JOINTS
 from roadmap.arrays import freeze
 from roadmap.errors import BadInput
 
@@ -60,11 +60,6 @@ class MocapMotion:
         freeze(self, frames=float, guesses=float, age_s=float, T_base_recording=float)
         freeze(self, labels=np.int64, jumped=np.bool_)
 
-    @property
-    def label_names(self) -> tuple[str, ...]:
-        """The part each capsule stands for, as words."""
-        return tuple(Part(label).words for label in self.labels)
-
     def capsules(self, t: float) -> np.ndarray:
         """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m].
 
@@ -75,10 +70,6 @@ class MocapMotion:
     def guess(self, t: float) -> np.ndarray:
         """Return the person as they probably were: (k, 7), gaps crossed, not grown."""
         return self._between(self.guesses, t)
-
-    def unseen(self, t: float) -> dict[str, float]:
-        """Return joint -> time since it was last seen [s], of those not seen."""
-        return self.state(t).unseen
 
     def state(self, t: float) -> Sight:
         """Return what the tracker does not see at time `t` [s], in words too."""

@@ -16,94 +16,63 @@ TOES = ("left_toe", "right_toe")  # only to tell a mirrored person
 KNOWN = (*JOINTS, *FEET, *TOES)
 PLUG_IN_GAIT = "Vicon Plug-in Gait"
 PELVIS = ("LPSI", "RPSI", "LASI", "RASI")  # its markers where there is no SACR
+_LIMBS = (*ARM, "foot", "toe", "tip")
 
 
-def _both(pattern: dict[str, str], **sides: str) -> dict[str, str]:
-    """Return joint -> name for both sides; {s} in a name stands for the side."""
-    return {
-        f"{side}_{joint}": name.format(s=sides[side])
-        for side in SIDES
-        for joint, name in pattern.items()
+def _names(sides: str, trunk: str, limbs: str) -> dict[str, str]:
+    """Return joint -> name from 'left right', 'hip|neck|head' and names of `_LIMBS`.
+
+    {s} in a name stands for what its side is called; the last ones may be missing.
+    """
+    return dict(zip(("hip", "neck", "head"), trunk.split("|"), strict=True)) | {
+        f"{side}_{joint}": name.format(s=called)
+        for side, called in zip(SIDES, sides.split(), strict=True)
+        for joint, name in zip(_LIMBS, limbs.split("|"), strict=False)
     }
-
-
-def _names(
-    trunk: str, arm: str, leg: str = "", tip: str = "", **sides: str
-) -> dict[str, str]:
-    """Return a mapping from 'hip neck head', 'shoulder elbow hand', 'foot toe', tip."""
-    pattern = dict(zip(ARM, arm.split("|"), strict=True))
-    pattern |= dict(zip(("foot", "toe"), leg.split("|"), strict=False)) if leg else {}
-    pattern |= {"tip": tip} if tip else {}
-    mapping = dict(zip(("hip", "neck", "head"), trunk.split("|"), strict=True))
-    return mapping | _both(pattern, **sides)
 
 
 BUILT_IN = {
     "Vicon tracks": _names(
-        "hip|collar|head",
-        "{s}_shoulder|{s}_elbow|{s}_hand",
-        left="left",
-        right="right",
+        "left right", "hip|collar|head", "{s}_shoulder|{s}_elbow|{s}_hand"
     ),
     "CMU (cgspeed, Daz)": _names(
-        "hip|neck|head", "{s}Shldr|{s}ForeArm|{s}Hand", "{s}Foot", left="l", right="r"
+        "l r", "hip|neck|head", "{s}Shldr|{s}ForeArm|{s}Hand|{s}Foot"
     ),
     "human-robot-animations": _names(
-        "hip|neck|head",
-        "{s}_upper_arm|{s}_forearm|{s}_hand",
-        left="left",
-        right="right",
+        "left right", "hip|neck|head", "{s}_upper_arm|{s}_forearm|{s}_hand"
     ),
     "Mixamo, MotionBuilder": _names(
+        "Left Right",
         "Hips|Neck|Head",
-        "{s}Arm|{s}ForeArm|{s}Hand",
-        "{s}Foot|{s}ToeBase",
-        "{s}HandMiddle4",
-        left="Left",
-        right="Right",
+        "{s}Arm|{s}ForeArm|{s}Hand|{s}Foot|{s}ToeBase|{s}HandMiddle4",
     ),
     "Xsens, Poser": _names(
-        "Hips|Neck|Head",
-        "{s}Shoulder|{s}Elbow|{s}Wrist",
-        "{s}Ankle|{s}Toe",
-        left="Left",
-        right="Right",
+        "Left Right", "Hips|Neck|Head", "{s}Shoulder|{s}Elbow|{s}Wrist|{s}Ankle|{s}Toe"
     ),
     "3ds Max Biped": _names(
+        "L R",
         "Bip01 Pelvis|Bip01 Neck|Bip01 Head",
-        "Bip01 {s} UpperArm|Bip01 {s} Forearm|Bip01 {s} Hand",
+        "Bip01 {s} UpperArm|Bip01 {s} Forearm|Bip01 {s} Hand|"
         "Bip01 {s} Foot|Bip01 {s} Toe0",
-        left="L",
-        right="R",
     ),
     "SMPL": _names(
+        "left right",
         "pelvis|neck|head",
-        "{s}_shoulder|{s}_elbow|{s}_wrist",
-        "{s}_ankle|{s}_foot",
-        left="left",
-        right="right",
+        "{s}_shoulder|{s}_elbow|{s}_wrist|{s}_ankle|{s}_foot",
     ),
     PLUG_IN_GAIT: _names(
-        "SACR|C7|LFHD",
-        "{s}SHO|{s}ELB|{s}WRA",
-        "{s}ANK|{s}TOE",
-        "{s}FIN",
-        left="L",
-        right="R",
+        "L R", "SACR|C7|LFHD", "{s}SHO|{s}ELB|{s}WRA|{s}ANK|{s}TOE|{s}FIN"
     ),
     "VRM": _names(
+        "L R",
         "J_Bip_C_Hips|J_Bip_C_Neck|J_Bip_C_Head",
-        "J_Bip_{s}_UpperArm|J_Bip_{s}_LowerArm|J_Bip_{s}_Hand",
+        "J_Bip_{s}_UpperArm|J_Bip_{s}_LowerArm|J_Bip_{s}_Hand|"
         "J_Bip_{s}_Foot|J_Bip_{s}_ToeBase",
-        left="L",
-        right="R",
     ),
     "Unreal": _names(
+        "l r",
         "pelvis|neck_01|head",
-        "upperarm_{s}|lowerarm_{s}|hand_{s}",
-        "foot_{s}|ball_{s}",
-        left="l",
-        right="r",
+        "upperarm_{s}|lowerarm_{s}|hand_{s}|foot_{s}|ball_{s}",
     ),
 }
 

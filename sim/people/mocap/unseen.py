@@ -1,7 +1,5 @@
 """What is known of a joint or a capsule while it is not seen: memory, then growth."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 BRIDGE_S = 0.1  # gaps up to this are crossed on a straight line [s]
@@ -48,26 +46,14 @@ def smooth(place: np.ndarray, rate_hz: float, window_s: float) -> np.ndarray:
     return averaged
 
 
-@dataclass(frozen=True, eq=False)
-class Memory:
-    """One joint over a sequence of frames, with a place in every one.
-
-    Attributes:
-        places: (F, 3) where it was seen last [m].
-        guess: (F, 3) the same, but gaps are crossed on straight lines [m].
-        age_s: (F,) time since it was seen [s].
-    """
-
-    places: np.ndarray
-    guess: np.ndarray
-    age_s: np.ndarray
-
-
-def remember(place: np.ndarray, rate_hz: float, round_trip: bool) -> Memory:
+def remember(
+    place: np.ndarray, rate_hz: float, round_trip: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give a joint that is seen at least once a place in every frame (F, 3) [m].
 
-    Before the first sight, the place that comes stands for it. In a round trip the
-    frame after the last is the first one.
+    Returns where it was seen last, (F, 3) [m]; the same with gaps crossed on straight
+    lines; and the time since it was seen, (F,) [s]. Before the first sight, the place
+    that comes stands for it. In a round trip the frame after the last is the first one.
     """
     n = len(place)
     if round_trip:  # the round before is what it remembers at the start
@@ -78,7 +64,7 @@ def remember(place: np.ndarray, rate_hz: float, round_trip: bool) -> Memory:
     last = seen[np.maximum(np.searchsorted(seen, frames, side="right") - 1, 0)]
     age = np.abs(frames - last) / rate_hz
     middle = slice(n, 2 * n) if round_trip else slice(0, n)
-    return Memory(place[last][middle], guess[middle], age[middle])
+    return place[last][middle], guess[middle], age[middle]
 
 
 def displacement(capsules: np.ndarray, round_trip: bool) -> np.ndarray:
