@@ -138,18 +138,15 @@ class ThreatSettings:
         """Return the bound on the error of a mean velocity over a time [s], in m/s."""
         return 2.0 * self.noise / window + 0.5 * self.acceleration * window
 
-    def displacement_bound(
-        self, time: float, period: float, follow: FollowSettings = _FOLLOW
-    ) -> float:
+    def displacement_bound(self, time: float, period: float) -> float:
         """Return how far somebody who seems to stand may be after a time [m].
 
         Args:
             time: From the last frame on [s].
             period: Time between frames [s], over some of which velocities are averaged.
-            follow: How they are followed.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
-        longest = max(follow.drift_s, self.window)
+        longest = max(_FOLLOW.drift_s, self.window)
         known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)

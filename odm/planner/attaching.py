@@ -36,7 +36,6 @@ class Attacher:
         goals: Motions that join a goal to near nodes.
         starts: The same for a start.
         kept: Goals that stay attached.
-        settings: How and when they are joined.
 
     Attributes:
         goals: (g, dof) best first [rad or m].
@@ -56,10 +55,9 @@ class Attacher:
         goals: int,
         starts: int,
         kept: int,
-        settings: AttachSettings = AttachSettings(),
     ) -> None:
         """Attach nothing yet."""
-        self.settings = settings
+        self.settings = AttachSettings()
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates
         self.roadmap = frame.cell_map.roadmap
@@ -72,7 +70,7 @@ class Attacher:
         self._to_robot = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(settings.moving_nodes, np.int64)
+        self._chosen = np.zeros(self.settings.moving_nodes, np.int64)
         self._ends = -1, b"", False  # `ends_free`: of which frame and goals
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
@@ -141,7 +139,7 @@ class Attacher:
                     self.kept.keep(m.goals, g)
             else:
                 self._take_over(g, known, before)
-                if self._is_direct_known():
+                if np.array_equal(self._direct_from, self.q_attached):
                     direct[g] = before[m.goals._fields.index("attached_ref")][known]
             m.goals.cost[g] = 0.0 if costs is None else costs[g]
             m.goals.direct_blocked_at[g] = -1.0
@@ -639,9 +637,6 @@ class Attacher:
                 m.goals.attached_ref[g] = kinds.NO_ITEM
                 if ranks:
                     break
-
-    def _is_direct_known(self) -> bool:
-        return bool(np.array_equal(self._direct_from, self.q_attached))
 
     # --- inside ----------------------------------------------------------------
 

@@ -379,7 +379,7 @@ class ReactivePlanner:
         goals, _ = goals_of(self.robot, [q], None)
         if goals[0] in self.attacher.kept:
             return True
-        self._check_goals(goals)
+        check_valid(self.static, goals[0], "goal 0")
         return self.attacher.prepare(goals[0])
 
     def is_prepared(self, q: np.ndarray) -> bool:
@@ -1013,11 +1013,6 @@ class ReactivePlanner:
         """Return the spheres of the map's cover, payload included."""
         self.memory.owner.check()
         return self.frame.cover()
-
-    def _check_goals(self, goals: np.ndarray) -> None:
-        """Raise BadConfiguration where a goal can never be reached in this place."""
-        for k, q in enumerate(goals):
-            check_valid(self.static, q, f"goal {k}")
 
 
 def _scene_changed(

@@ -85,7 +85,6 @@ class Smoother:
         smoothing_clearance: Extra clearance that new legs keep where possible [m].
         history_clearance: What saves much keeps so much more distance from where
             obstacles have lately been [m]; 0: none.
-        settings: Which changes are worth what.
     """
 
     def __init__(
@@ -95,18 +94,15 @@ class Smoother:
         attacher: Attacher,
         smoothing_clearance: float,
         history_clearance: float,
-        settings: SmoothingSettings = SmoothingSettings(),
     ) -> None:
         """Begin the order of the changes."""
-        self.settings = settings
+        self.settings = settings = SmoothingSettings()
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.smoothing_clearance, self.history_clearance = (
-            smoothing_clearance,
-            history_clearance,
-        )
+        self.smoothing_clearance = smoothing_clearance
+        self.history_clearance = history_clearance
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
-            self.settings.pace * robot.max_velocity,
+            settings.pace * robot.max_velocity,
             robot.max_acceleration,
             robot.max_jerk,
             joint_motion_bounds(robot),
