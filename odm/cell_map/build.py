@@ -1,7 +1,6 @@
 """Build a cell map from a recipe: robot, roadmap, sweep."""
 
 import logging
-import platform
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +19,7 @@ from odm.close_test.static import always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
-from roadmap.chunks import Chunk, Progress, Threads, Workers
+from roadmap.chunks import Chunk, Progress, Threads, Workers, about
 from roadmap.graph.connecting import BuildReport, Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
@@ -95,7 +94,7 @@ def _facts(report: BuildReport, roadmap_seconds: float) -> dict:
         "free_edges": report.edges,
         "components": list(report.components[:8]),
         "n_components": len(report.components),
-        "versions": _versions(),
+        "versions": {k: v for k, v in about().items() if k != "program"},
     }
 
 
@@ -159,16 +158,3 @@ def _named(progress: Progress | None, layer: str = "") -> Progress | None:
     if progress is None:
         return None
     return lambda stage, done, total: progress(f"{layer}cells of {stage}", done, total)
-
-
-def _versions() -> dict[str, str]:
-    import numba
-    import scipy
-
-    return {
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "scipy": scipy.__version__,
-        "machine": platform.machine(),
-    }
