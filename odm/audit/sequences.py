@@ -26,7 +26,7 @@ from odm.planner.settings import PlannerSettings
 from odm.search._paths import locate_on_path
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of
 
 PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
 AIM = 0.05  # [m] pushes go where this brings the robot nearest to an obstacle
@@ -481,6 +481,5 @@ def _drawn_inside(envelope: PayloadRecipe, rng: np.random.Generator) -> np.ndarr
     if envelope.size:
         ends = np.linspace(radius, sides.max() - radius, 5) - 0.5 * sides.max()
         along = ends[:, None] * (np.arange(3) == sides.argmax())
-    T = pose_of(envelope.position, envelope.rpy)
-    centers = along @ T[:3, :3].T + T[:3, 3]
+    centers = moved_points(along, pose_of(envelope.position, envelope.rpy))
     return np.column_stack([centers, np.full(len(centers), radius)])
