@@ -217,8 +217,8 @@ class Threat:
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the threat of some of the parts alone."""
-        how = (self.drift, self.rows_of_past, self.most, self.window)
-        how += (self.widening, self.untouched)
+        rows = np.arange(len(self.capsules)) if self.rows is None else self.rows
+        how = (self.drift, rows, self.most, self.window, self.widening, self.untouched)
         drift, rows, most, window, widening, untouched = (
             x if x is None else x[these] for x in how
         )
@@ -255,11 +255,6 @@ class Threat:
         untouched, error = np.where(known, max(time, 0.0), 0.0), np.array(self.error)
         error[known] = 2.0 * self.settings.noise / self.window[known]
         return replace(self, untouched=untouched, error=error)
-
-    @property
-    def rows_of_past(self) -> np.ndarray:
-        """(k,) which of the ends in `past` each part is."""
-        return np.arange(len(self.capsules)) if self.rows is None else self.rows
 
     def as_lately(self) -> "Threat":
         """Return the threat of a person who accelerates at least as hard as lately.
@@ -333,11 +328,6 @@ class Threat:
         grown = there.capsules[:, 6] - self.capsules[:, 6]
         return math.inf if more else float(grown.max(initial=0.0))
 
-    @property
-    def is_dated(self) -> bool:
-        """Whether the age of the data is known."""
-        return age_of(self.age) < math.inf
-
     def likely(self, *times: float) -> Obstacles | None:
         """Return the capsules where they will be at some times from now [s].
 
@@ -356,7 +346,7 @@ class Threat:
     @property
     def leads_on(self) -> bool:
         """Whether it is known where any of the parts are likely to be soon."""
-        return self.is_dated and bool(self.known.any())
+        return age_of(self.age) < math.inf and bool(self.known.any())
 
     @cached_property
     def fastest(self) -> float:

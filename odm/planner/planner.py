@@ -1060,6 +1060,3 @@ def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:
     if a is None or b is None:
         return a is b
     return np.array_equal(a, b)
-
-
-__all__ = ["BadInput", "PlannerSettings", "ReactivePlanner"]
