@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING
-from odm.cell_map.chunk_work import Sweeping, edge_job, node_job
+from odm.cell_map.chunk_work import edge_job, node_job
 from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
@@ -46,14 +47,13 @@ def sweep_roadmap(
     """
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
     swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
-    spec = Sweeping(swept, wide=grid.n_blocks > 65535)
     workers = workers or Threads(threads)
     tell = progress or (lambda stage, done, total: None)
     n, m = roadmap.n_nodes, roadmap.n_edges
-    found = workers.map(node_job(spec), _node_chunks(roadmap))
-    nodes = _collected(found, spec, n, tell, "nodes")
-    found = workers.map(edge_job(spec), _edge_chunks(robot, roadmap, nodes))
-    edges = _collected(found, spec, m, tell, "edges")
+    found = workers.map(node_job(swept), _node_chunks(roadmap))
+    nodes = _collected(found, grid, n, tell, "nodes")
+    found = workers.map(edge_job(swept), _edge_chunks(robot, roadmap, nodes))
+    edges = _collected(found, grid, m, tell, "edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])
     mask = np.concatenate([nodes[2], edges[2]])
@@ -99,7 +99,7 @@ def _edge_chunks(
 
 def _collected(
     found: Iterable[tuple[np.ndarray, ...]],
-    spec: Sweeping,
+    grid: WorkspaceGrid,
     n: int,
     tell: Progress,
     stage: str,
@@ -112,7 +112,7 @@ def _collected(
         tell(stage, done, n)
     none: tuple[np.ndarray, ...] = (
         np.zeros(0, np.int64),
-        np.zeros(0, np.uint32 if spec.wide else np.uint16),
+        np.zeros(0, block_type(grid.n_blocks)),
         np.zeros(0, np.uint64),
     )
     columns = list(zip(*(results or [none]), strict=True))
