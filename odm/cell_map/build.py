@@ -68,13 +68,13 @@ def build_map(
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
-    arm, rest = arm_of(robot), (threads, _named(progress), workers)
-    cells = sweep_roadmap(robot, arm, roadmap, grid, recipe.safety, *rest)
+    rest = (grid, recipe.safety, workers, _named(progress))
+    cells = sweep_roadmap(robot, arm_of(robot), roadmap, *rest)
     built = _facts(report, sampled - begun)
     payload = None
     if recipe.payload is not None:
-        rest = threads, _named(progress, "payload "), workers
-        payload = build_payload(robot, recipe, roadmap, grid, scenery, *rest)
+        rest = (grid, scenery, threads, workers, _named(progress, "payload "))
+        payload = build_payload(robot, recipe, roadmap, *rest)
         n = roadmap.n_nodes
         built["payload_nodes"] = int(n - payload.closed[:n].sum())
         built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())

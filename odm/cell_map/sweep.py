@@ -26,11 +26,10 @@ def sweep_roadmap(
     roadmap: Roadmap,
     grid: WorkspaceGrid,
     safety: Safety,
-    threads: int = 0,
-    progress: Progress | None = None,
     workers: Workers | None = None,
+    progress: Progress | None = None,
 ) -> CellLists:
-    """Sweep all nodes, then all edges less their nodes; the same for any `threads`.
+    """Sweep all nodes, then all edges less their nodes; the same for any workers.
 
     Args:
         robot: Whose nodes and edges are swept.
@@ -38,16 +37,15 @@ def sweep_roadmap(
         roadmap: Nodes and edges.
         grid: Where; it must hold every swept cell.
         safety: Terms; a sphere is grown by rho + m + ROUNDING.
-        threads: Worker threads; 0 means one per core.
-        progress: Called with (stage, done, total).
         workers: Who does the chunks; threads of this process when None.
+        progress: Called with (stage, done, total).
 
     Raises:
         BuildRefused: A swept cell lies outside the grid.
     """
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
     swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
-    workers = workers or Threads(threads)
+    workers = workers or Threads()
     tell = progress or (lambda stage, done, total: None)
     n, m = roadmap.n_nodes, roadmap.n_edges
     found = workers.map(node_job(swept), _node_chunks(roadmap))

@@ -205,13 +205,13 @@ class StaticTest:
 
     def clear_of_place(self, q: np.ndarray, dq: np.ndarray) -> bool:
         """Return whether the motion q + t dq is clear of this place's scenery."""
-        test = CloseTest(*self.place_clearance(self.work))
-        return test.clear(q, dq, self.place_cloud, solids=self.place.solids)
+        return self.place_test.clear(q, dq, self.place_cloud, solids=self.place.solids)
 
-    def place_clearance(self, work: Work) -> tuple:
-        """Return what a close test against this place's scenery works with."""
+    @property
+    def place_test(self) -> CloseTest:
+        """The close test against this place's scenery."""
         radii, bare = self.place_radii, self.place_bare
-        return self.arm, radii, self.tolerance, work, bare
+        return CloseTest(self.arm, radii, self.tolerance, self.work, bare)
 
     def _solids(self, more: float) -> kernels.Solids:
         kept, scenery = self.safety.m + more, self.scenery

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from odm.checks import as_floats
-from odm.close_test._arm import Clearance
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.static import Place, StaticTest
 from odm.frame import _place as kernels
@@ -258,9 +257,7 @@ class PlaceItems:
             self._test(self._things[name], n)
 
     def _test_of(self, closed: _Closed, static: StaticTest | None = None) -> tuple:
-        static = static or self._static
-        arm, radii, tolerance, work, bare = static.place_clearance(static.work)
-        clearance = Clearance(arm, radii, bare, tolerance, work)
+        clearance = (static or self._static).place_test.group
         return clearance, self._graph, closed.cloud, closed.thing.solids
 
     def _add(self, thing: Standing) -> _Closed:
