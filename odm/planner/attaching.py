@@ -11,12 +11,12 @@ from odm.close_test.static import ONLINE_TOLERANCE
 from odm.frame.frame import Frame
 from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
-from odm.planner.settings import AttachSettings
+from odm.planner.settings import AttachSettings, PlannerSettings
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
-from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
+from odm.search.state import point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _NONE = np.zeros(0, np.int64)
@@ -33,9 +33,8 @@ class Attacher:
         path: The path in use; its items are kept.
         candidate: What betters that path; its items are kept, too.
         candidates: Their items are thrown away when the pool runs full.
-        goals: Motions that join a goal to near nodes.
-        starts: The same for a start.
-        kept: Goals that stay attached.
+        wanted: By how many motions goals and starts are joined, and how many goals stay
+            attached.
 
     Attributes:
         goals: (g, dof) best first [rad or m].
@@ -52,19 +51,17 @@ class Attacher:
         path: PathInUse,
         candidate: CandidatePath,
         candidates: Candidates,
-        goals: int,
-        starts: int,
-        kept: int,
+        wanted: PlannerSettings,
     ) -> None:
         """Attach nothing yet."""
         self.settings = AttachSettings()
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates
         self.roadmap = frame.cell_map.roadmap
-        self._for_goals = min(goals, MAX_ATTACHMENTS)
-        self._for_starts = min(starts, MAX_ATTACHMENTS)
+        self._for_goals = wanted.goal_connections
+        self._for_starts = wanted.start_connections
         self._resize()
-        self.kept = CachedGoals(frame.memory.goals, kept)
+        self.kept = CachedGoals(frame.memory.goals, wanted.cached_goals)
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
         self._to_robot = np.zeros(self.roadmap.n_nodes)

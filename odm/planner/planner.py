@@ -125,36 +125,18 @@ class ReactivePlanner:
         self.path = path = PathInUse(frame)
         self.candidate = CandidatePath(frame)
         self.candidates = Candidates(frame)
-        self.attacher = attacher = Attacher(
-            frame,
-            path,
-            self.candidate,
-            self.candidates,
-            s.goal_connections,
-            s.start_connections,
-            s.cached_goals,
-        )
+        attacher = Attacher(frame, path, self.candidate, self.candidates, s)
+        self.attacher = attacher
         # what works on it
-        self.decision = Decision(
-            frame,
-            path,
-            attacher,
-            always_replan,
-            s.persistence_frames if s.history_s else 0,
-        )
+        patience = s.persistence_frames if s.history_s else 0
+        self.decision = Decision(frame, path, attacher, always_replan, patience)
         self._shares = shares = ImproveSettings()
         self._improver = Improver(
             frame,
             path,
             self.candidate,
             Cutter(frame, path, self.candidates, attacher, shares),
-            Smoother(
-                frame,
-                self.candidate,
-                attacher,
-                s.smoothing_clearance,
-                s.history_clearance if s.history_s else 0.0,
-            ),
+            Smoother(frame, self.candidate, attacher, s),
             self.decision.join_between,
             shares,
         )
