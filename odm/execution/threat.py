@@ -58,13 +58,7 @@ from typing import Protocol
 import numpy as np
 
 from odm.checks import as_floats
-from odm.execution._threat import (
-    Ability,
-    Tracks,
-    follow,
-    write_between,
-    write_sharpest,
-)
+from odm.execution._threat import Ability, Tracks, follow, write_between, write_sharpest
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
@@ -470,9 +464,7 @@ class Watcher:
     """
 
     def __init__(
-        self,
-        settings: ThreatSettings | None = None,
-        follow: FollowSettings = _FOLLOW,
+        self, settings: ThreatSettings | None = None, follow: FollowSettings = _FOLLOW
     ) -> None:
         """Start before the first frame."""
         self.follow = follow

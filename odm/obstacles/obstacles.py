@@ -159,9 +159,7 @@ class Obstacles:
 
     @classmethod
     def of(
-        cls,
-        shapes: Sequence[solid.Shape],
-        points: np.ndarray | None = None,
+        cls, shapes: Sequence[solid.Shape], points: np.ndarray | None = None
     ) -> "Obstacles":
         """Return obstacles that hold these shapes, where they are, and points.
 

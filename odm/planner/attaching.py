@@ -106,10 +106,7 @@ class Attacher:
     # --- goals -----------------------------------------------------------------
 
     def set_goals(
-        self,
-        goals: np.ndarray,
-        costs: np.ndarray | None,
-        at_once: int | None = None,
+        self, goals: np.ndarray, costs: np.ndarray | None, at_once: int | None = None
     ) -> None:
         """Attach goals; the path in use stays where its goal does.
 

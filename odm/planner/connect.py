@@ -54,11 +54,7 @@ class Connector:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        path: PathInUse,
-        attacher: Attacher,
-        budget: int,
+        self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
     ) -> None:
         """Know no path, and no trees."""
         self.frame, self.path, self.attacher = frame, path, attacher

@@ -529,12 +529,7 @@ class ReactivePlanner:
         self._goal = said // _GOAL - 1
 
     def _beyond(
-        self,
-        q: np.ndarray,
-        said: int,
-        begun: int,
-        closed: bool,
-        now: float | None,
+        self, q: np.ndarray, said: int, begun: int, closed: bool, now: float | None
     ) -> Answer:
         """Answer a frame for which the roadmap has no path, or hold.
 
