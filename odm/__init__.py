@@ -12,9 +12,10 @@ from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.robot_surface import RobotSurface, robot_surface
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
-from odm.planner.planner import PlannerSettings, ReactivePlanner
+from odm.planner.planner import ReactivePlanner
 from odm.planner.pose_goals import GoalReport
 from odm.planner.scene import Scene
+from odm.planner.settings import PlannerSettings
 
 __all__ = [
     "AVOID",

@@ -17,6 +17,11 @@ FRAME = "frame"  # belongs to one frame, or is scratch
 BLOCK = "block"  # ids of blocks: uint16, in grids of more than 65535 of them uint32
 
 
+def block_type(n_blocks: int) -> type[np.unsignedinteger]:
+    """Return the type of ids of blocks in a grid of so many; see `BLOCK`."""
+    return np.uint16 if n_blocks <= 65535 else np.uint32
+
+
 class Declared(NamedTuple):
     """What is known of an array before it is made.
 

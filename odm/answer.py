@@ -45,6 +45,7 @@ class Explains(Protocol):
         """Return a (k, dof) motion out of the way, or None."""
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Answer:
     """The answer to one frame; read-only by convention, cheap to make.
 
@@ -63,48 +64,18 @@ class Answer:
         work: Counted work: points, outside, occupied blocks, edge tests...
     """
 
-    __slots__ = (
-        "_counted",
-        "_explain",
-        "_led",
-        "_times",
-        "_told",
-        "certified",
-        "goal",
-        "held",
-        "path",
-        "stage",
-        "status",
-    )
-
-    def __init__(
-        self,
-        status: str,
-        path: np.ndarray,
-        goal: int | None,
-        certified: str,
-        times: tuple[int, int],
-        counted: bytes,
-        explain: "Explains | None" = None,
-        stage: str | None = None,
-        held: str | None = None,
-    ) -> None:
-        """Keep the values; `explain` is asked when the reason or the retreat is.
-
-        `times` are begin and end [ns]; `counted` is what the compiled frame counted
-        (`Stats` in `odm/search/_state.py`), as bytes: it is seldom looked at.
-        """
-        self.status = status
-        self.path = path
-        self.goal = goal
-        self.certified = certified
-        self.stage = stage
-        self.held = held
-        self._times = times
-        self._counted = counted
-        self._explain = explain
-        self._told: tuple[str, Blockers] | None = None
-        self._led: tuple[np.ndarray | None] | None = None
+    status: str
+    path: np.ndarray
+    goal: int | None
+    certified: str
+    _times: tuple[int, int]  # begin and end [ns]
+    # `Stats` of `odm/search/_state.py` as bytes: what was counted is seldom looked at
+    _counted: bytes
+    _explain: Explains | None = None  # asked when the reason or the retreat is
+    stage: str | None = None
+    held: str | None = None
+    _told: tuple[str, Blockers] | None = None
+    _led: tuple[np.ndarray | None] | None = None
 
     @property
     def frame(self) -> int:

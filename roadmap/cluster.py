@@ -15,8 +15,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -103,7 +104,12 @@ class Cluster:
     def _start(self, workers: int, loads: str | None) -> None:
         """Make a cluster here, and look at its workers."""
         self._settings = _quiet_settings()
-        self._own = _local(self.dask, workers)
+        self._own = self.dask.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs=40,
+        )
         self.address = self._own.scheduler_address
         self._connect(time.monotonic() + min(self.patience, _FIRST_S), workers)
         self._loading = [] if loads is None else self._load(loads)
@@ -147,7 +153,7 @@ class Cluster:
         """
 
         def told(started: Future | None) -> None:
-            if _has_dashboard() and not (started and started.exception()):
+            if find_spec("bokeh") and not (started and started.exception()):
                 tell(str(self.client.dashboard_link))
 
         if self._starting is None:
@@ -200,7 +206,7 @@ class Cluster:
                         "command again: finished chunks are kept"
                     ) from error
                 time.sleep(0.2)
-        refuse_foreign(self.client.run(_told_by_worker, on_error="return"))
+        refuse_foreign(self.client.run(chunks.about, on_error="return"))
         self.threads = sum(self.client.nthreads().values())
 
     def _load(self, module: str) -> list[Any]:
@@ -217,13 +223,14 @@ class Cluster:
         self._connect(time.monotonic() + self.patience)
 
 
+@dataclass(eq=False)
 class _Sent:
     """A chunk that was handed out: its future, or what was stored before."""
 
-    def __init__(self, chunk: Chunk, name: str) -> None:
-        self.chunk, self.name = chunk, name
-        self.found: Arrays | None = None
-        self.future: Any = None
+    chunk: Chunk
+    name: str
+    found: Arrays | None = None
+    future: Any = None
 
 
 class _Hand:
@@ -300,22 +307,13 @@ class _Hand:
         with suppress(*_lost(self.cluster)):
             if self._job_there is None:
                 self._job_there = client.scatter(self.job, broadcast=True, hash=False)
+            chunk, shared = sent.chunk, self.cluster.shared
             if self._given is not None:
-                self._given.put(sent.name + _GIVEN, sent.chunk.arrays)
-            sent.future = self._submitted(client, sent)
-
-    def _submitted(self, client: Any, sent: _Sent) -> Any:  # noqa: ANN401
-        return client.submit(
-            work,
-            self._job_there,
-            self.key,
-            sent.chunk if self._given is None else replace(sent.chunk, arrays=()),
-            sent.name,
-            about(),
-            self.cluster.shared,
-            key=f"{self.job.stage.replace(' ', '_')}-{sent.name[:16]}",
-            pure=False,
-        )
+                self._given.put(sent.name + _GIVEN, chunk.arrays)
+                chunk = replace(chunk, arrays=())
+            key = f"{self.job.stage.replace(' ', '_')}-{sent.name[:16]}"
+            told = (self._job_there, self.key, chunk, sent.name, about(), shared)
+            sent.future = client.submit(work, *told, key=key, pure=False)
 
     def _store(self, sent: _Sent) -> None:
         """Take what came of a chunk, and keep it here."""
@@ -411,10 +409,6 @@ def _loaded(module: str) -> None:
         import_module(module)
 
 
-def _told_by_worker() -> dict[str, str]:
-    return chunks.about()
-
-
 def refuse_foreign(workers: dict[str, Any]) -> None:
     """Refuse workers, by address, that run another program; say what differs."""
     for address, found in workers.items():
@@ -477,21 +471,3 @@ def _quiet_settings() -> Any:  # noqa: ANN401 (a context of dask)
             "distributed.worker.memory.monitor-interval": "1s",
         }
     )
-
-
-def _local(distributed: Any, workers: int) -> Any:  # noqa: ANN401
-    """Make a cluster of processes here."""
-    return distributed.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        dashboard_address=":0",
-        silence_logs=40,
-    )
-
-
-def _has_dashboard() -> bool:
-    try:
-        import bokeh  # noqa: F401
-    except ImportError:
-        return False
-    return True

@@ -30,7 +30,7 @@ class Sources:
     def __init__(self, root: Path) -> None:
         """Read nothing yet."""
         self.root = root
-        self.text = cache(self._text)
+        self.text = cache(Path.read_bytes)
         self.imported = cache(self._imported)
 
     def compiled(self) -> list[Path]:
@@ -49,9 +49,6 @@ class Sources:
         for path in sorted(seen):
             digest.update(str(path.relative_to(self.root)).encode() + self.text(path))
         return digest.hexdigest()
-
-    def _text(self, file: Path) -> bytes:
-        return file.read_bytes()
 
     def _imported(self, file: Path) -> frozenset[Path]:
         text = self.text(file).decode()

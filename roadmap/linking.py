@@ -111,10 +111,7 @@ class KeptCode:
     """
 
     def __init__(
-        self,
-        code: bytes,
-        own: dict[str, MachineCode],
-        others: dict[str, MachineCode],
+        self, code: bytes, own: dict[str, MachineCode], others: dict[str, MachineCode]
     ) -> None:
         """Keep the object code to be pickled."""
         self._kept = code, own, others

@@ -8,27 +8,38 @@ keep the map's spheres. The close test runs with this cover as with the other.
 """
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
-from odm.close_test._arm import make_work
-from odm.close_test.arm import arm_of
 from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
 from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.joint_tree import PARENT
-from roadmap.loading.held_link import with_payload
+from roadmap.loading.held_link import hanging_on, with_payload
 from roadmap.robot.robot import Robot
 
 EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
+_MOST_KEPT = 8
+_kept: dict[str, tuple[Robot, dict[str, float]]] = {}  # by the bare robot
 
 
-@lru_cache(maxsize=8)
-def _covered(fingerprint: str, holder: "_Same") -> tuple[Robot, dict[str, float]]:
-    robot = holder.robot
+def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
+    """Return the robot with tighter spheres on its outermost links, and their excess.
+
+    Takes about a second per link, once per robot and process. The same robot gives the
+    same spheres.
+    """
+    key = robot.fingerprint()
+    if key not in _kept:
+        if len(_kept) == _MOST_KEPT:
+            del _kept[next(iter(_kept))]
+        _kept[key] = _covered(robot)
+    return _kept[key]
+
+
+def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
     links = [k for k, b in enumerate(robot.link_body) if b in outer_bodies(robot)]
     solids = robot_solids(robot)
     own = {k: [s for s in solids if s.link == k] for k in links}
@@ -50,36 +61,11 @@ def _covered(fingerprint: str, holder: "_Same") -> tuple[Robot, dict[str, float]
     return fine, excess
 
 
-class _Same:
-    """A robot that a cache does not look at: its fingerprint is the key."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same)
-
-    def __hash__(self) -> int:
-        return 0
-
-
-def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Return the robot with tighter spheres on its outermost links, and their excess.
-
-    Takes about a second per link, once per robot and process. The same robot gives the
-    same spheres.
-    """
-    return _covered(robot.fingerprint(), _Same(robot))
-
-
 def outer_bodies(robot: Robot) -> set[int]:
     """Return the tool's body and what hangs on it; its ancestors while it is bare."""
     top = int(robot.tip_body)
     while top > 0:
-        below = {top}
-        for b in range(top + 1, len(robot.tree_i)):  # parents come before children
-            if int(robot.tree_i[b, PARENT]) in below:
-                below.add(b)
+        below = hanging_on(robot, top)
         links = np.flatnonzero(np.isin(robot.link_body, list(below)))
         if np.isin(robot.solid_link, links).any():
             return below
@@ -108,15 +94,10 @@ class FineTest:
         self.static = StaticTest(
             self.robot, frame.static.scenery, cell_map.safety, cell_map.grid, threads=1
         )
-        self.arm = arm_of(self.robot)
         self.static.set_extra(frame.extra)
+        self.arm, self.work = self.static.arm, self.static.new_work()
         self.balls = self.arm.spheres[:, 3] + cell_map.safety.m + frame.extra
         self.radii = np.zeros(len(self.balls))
-        moving = np.flatnonzero(self.robot.sphere_body > 0)
-        order = np.argsort(self.robot.sphere_body[moving], kind="stable")
-        self.link = self.robot.sphere_link[moving[order]]
-        n_bodies = len(self.robot.tree_i)
-        self.work = make_work(len(self.balls), n_bodies, self.robot.dof)
         self._sampled: object = self
         self._place: object = None
 
@@ -132,7 +113,7 @@ class FineTest:
 
     def cover(self) -> Cover:
         """Return the spheres for `LastPhase`."""
-        links = [self.robot.link_names[k] for k in self.link]
+        links = self.static.sphere_links
         return Cover(self.arm, self.radii, links, self.work, self.balls)
 
     @property

@@ -127,8 +127,7 @@ class LegTest:
         if test.clear(q, dq, self.cloud, solids=self.frame.solids):
             return Tested(fine=True)
         sphere, point = test.blocked_by
-        link = fine.robot.link_names[fine.link[sphere]]
-        return self._too_near(link, point, test.missing)
+        return self._too_near(fine.static.link_of(sphere), point, test.missing)
 
     def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
         hit = self._last_phase.hit(cover, q, dq)

@@ -22,7 +22,7 @@ from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
 from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
-from roadmap.transforms import pose_of_flat
+from roadmap.transforms import moved_points, pose_of_flat
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 # the last two fifths of a chunk: children of its nearest pairs, in generations
@@ -149,8 +149,7 @@ class Auditor:
 
     def points(self, case: Case) -> np.ndarray:
         """Return the samples of a case's obstacle where it stood, (n, 3) [m]."""
-        T = case.T_base_obstacle
-        return self.specimens[case.specimen].points @ T[:3, :3].T + T[:3, 3]
+        return moved_points(self.specimens[case.specimen].points, case.T_base_obstacle)
 
 
 class Tally:

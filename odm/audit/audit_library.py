@@ -236,8 +236,8 @@ def _holed(family, shape, rho, rng, aim=None):
 
     eps = rho / 12.0
     if aim is None:
-        corners = _rod_aims(shape, rng) if _is_rod(shape) else _corner_aims(shape, rng)
-        aim = corners[rng.integers(3)]
+        aims = _corner_aims if isinstance(shape, solid.Box) else _rod_aims
+        aim = aims(shape, rng)[rng.integers(3)]
     # only the surroundings of the hole are dense; the rest is sampled as usual
     dense = _dense(shape, eps)
     usual = surface_of(shape, rho - eps).points
@@ -260,10 +260,6 @@ def _dense(shape, eps):
     if isinstance(shape, solid.Mesh):
         return cover_densely(shape.vertices, shape.faces, eps)
     return surface_of(shape, eps).points
-
-
-def _is_rod(shape):
-    return isinstance(shape, solid.Capsule | solid.Cylinder)
 
 
 def _corner_aims(box, rng):

@@ -98,13 +98,7 @@ def clearance_overhead(
     shapes = new(ShapeRows, {"shapes": 4, "faces": 0})
     asks = kernels.Close(close.asked, clearance, shapes, safety.m, safety.rho)
     kernels.node_overheads(
-        audited,
-        cells.solids,
-        _ball_solids(robot),
-        cells.library,
-        pairs,
-        asks,
-        nodes,
+        audited, cells.solids, _ball_solids(robot), cells.library, pairs, asks, nodes
     )
     pairs = cells.draw(1, n_edges)._replace(
         motion=rng.integers(0, cell_map.roadmap.n_edges, n_edges)

@@ -14,6 +14,7 @@ from odm.obstacles import shapes as solid
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
+from roadmap.transforms import moved_points
 
 _SIDES = (-0.5, 0.5)
 BOX_CORNERS = np.array([[x, y, z] for x in _SIDES for y in _SIDES for z in _SIDES])
@@ -157,8 +158,7 @@ def obstacles_of(shapes: list[solid.Shape]) -> Obstacles:
         owner += [k] * len(new)
         frames += [shape.T_base_shape] * len(new)
         if len(triangles):
-            T = shape.T_base_shape
-            hollow.append(triangles @ T[:3, :3].T + T[:3, 3])
+            hollow.append(moved_points(triangles, shape.T_base_shape))
             hollow_shape.append(k)
     poses = np.array(frames).reshape(-1, 4, 4)
     convexes = gather(parts, np.array(owner, np.int64))

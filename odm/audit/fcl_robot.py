@@ -9,7 +9,6 @@ out too large by up to 0.4 mm (never too small); mesh models are hollow. So hull
 import numpy as np
 
 from odm.obstacles import shapes as solid
-from roadmap.errors import BadInput
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
 
@@ -125,6 +124,4 @@ def _robot_geometry(robot: Robot, i: int) -> object:
 def _transform(T: np.ndarray) -> object:
     import fcl
 
-    if T.shape != (4, 4):
-        raise BadInput(f"a pose has shape (4, 4), not {T.shape}")
     return fcl.Transform(T[:3, :3], T[:3, 3])

@@ -8,7 +8,7 @@ from odm.audit.audit_targets import audit_solids
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test._arm import Arm
-from odm.close_test.arm import arm_of
+from odm.close_test.arm import arm_of, moving_order
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
 from roadmap.robot.robot import Robot
@@ -96,7 +96,7 @@ def most_needed_sphere(robot: Robot) -> tuple[int, float]:
 
 def without_sphere(arm: Arm, sphere: int, cell_map: CellMap) -> Arm:
     """Return the arm with a sphere of the robot shrunk to nothing, margins included."""
-    row = int(np.flatnonzero(cell_map.sphere_order == sphere)[0])
+    row = int(np.flatnonzero(moving_order(cell_map.robot) == sphere)[0])
     spheres = arm.spheres.copy()
     spheres[row, 3] = -(cell_map.safety.rho + cell_map.safety.m)
     return arm._replace(spheres=spheres)

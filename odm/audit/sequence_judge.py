@@ -14,12 +14,13 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape
+from odm.obstacles.scenery import shape_of_row
+from odm.obstacles.shapes import Box, Capsule, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
 from roadmap.kinematics.forward import difference
-from roadmap.transforms import pose_with, rotation_to_z
+from roadmap.transforms import moved_points, pose_with, rotation_to_z
 
 SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
 TOLERANCE = 1e-6  # [m] of exact distances
@@ -100,8 +101,7 @@ class World:
         if self.repeat and len(points):
             points = np.tile(points, (-(-self.repeat // len(points)), 1))
         self.repeat = 0
-        T = self.T_world_base
-        return points @ T[:3, :3].T + T[:3, 3]
+        return moved_points(points, self.T_world_base)
 
     def step_arguments(self) -> dict[str, float]:
         """Return the arguments of `step` that say how the points were sampled."""
@@ -318,17 +318,9 @@ def _least(best: _Found, distance: float, kept: float, what: str) -> _Found:
 
 def solid_of(row: np.ndarray, faces: np.ndarray) -> Shape:
     """Return the shape of a row of `Scenery.solids`: a large box for a half-space."""
-    if row[0] == 2.0:
-        return Capsule.between(row[1:4], row[1:4] + row[4:7], row[7])
-    if row[0] == 3.0:
-        half = row[8] * row[4:7]
-        return Cylinder.between(row[1:4] - half, row[1:4] + half, row[7])
-    if row[0] == 4.0:
-        corners = faces[int(row[5]) : int(row[6]), 4:].reshape(-1, 3)
-        return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
-    if row[0] == 1.0:
-        T = pose_with(row[4:13].reshape(3, 3), row[1:4])
-        return Box(2.0 * row[13:16], T)
+    shape = shape_of_row(row, faces)
+    if shape is not None:
+        return shape
     normal, offset = row[1:4], row[4]
     T = pose_with(rotation_to_z(normal), (offset - 0.5 * GROUND) * normal)
     return Box(np.full(3, GROUND), T)

@@ -26,7 +26,7 @@ from odm.planner.settings import PlannerSettings
 from odm.search._paths import locate_on_path
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
-from roadmap.transforms import pose_of
+from roadmap.transforms import moved_points, pose_of
 
 PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
 AIM = 0.05  # [m] pushes go where this brings the robot nearest to an obstacle
@@ -92,7 +92,7 @@ class Sequence:
         self.pushes = 0  # frames in which that goes on
         self.velocity = np.zeros((2, 3))
         self.idle = 0
-        self.broken = self.stale = False
+        self.is_broken = self.is_stale = False  # the next frame
         self.answer: Answer | None = None
         self.switch_goals()
 
@@ -379,13 +379,13 @@ class Sequence:
         self.world.furnish(self.planner)
         self.judge.changed()
 
-    def stale_frame(self) -> None:
+    def stale(self) -> None:
         """Let the next frame be too old, or older than the one before."""
-        self.stale = True
+        self.is_stale = True
 
-    def broken_frame(self) -> None:
+    def broken(self) -> None:
         """Let the next frame hold NaN."""
-        self.broken = True
+        self.is_broken = True
 
     def grow(self) -> None:
         """Let the memory grow by a frame of very many points."""
@@ -394,23 +394,18 @@ class Sequence:
 
     # --- a frame ----------------------------------------------------------------
 
-    def happen(self, name: str) -> None:
-        """Let one of `EVENTS` happen."""
-        special = {"stale": self.stale_frame, "broken": self.broken_frame}
-        special.get(name, getattr(self, name, self.wait))()
-
     def frame(self, exact: bool = False) -> Step:
         """Ask the planner for one frame and judge what it says."""
         self.now += 0.01
         world, given = self.world, self.world.given()
         seen, stamp = given, self.now
-        late = self.stale * float(self.rng.choice([0.05, 0.5]))
+        late = self.is_stale * float(self.rng.choice([0.05, 0.5]))
         stamp -= late  # a little: to be refused if it is older than the frame before
         there = len(given) > 0  # of obstacles the number of shapes, of points theirs
-        if self.broken and there:
+        if self.is_broken and there:
             given = self._broken(given)
-        refused = late > 0.1 or (self.broken and there)
-        self.stale = self.broken = False
+        refused = late > 0.1 or (self.is_broken and there)
+        self.is_stale = self.is_broken = False
         if self.tamper is not None:
             self.tamper(self.planner, self.q)
         answer = self.planner.step(
@@ -452,7 +447,7 @@ class Sequence:
             for _ in range(1 + int(self.rng.integers(3))):
                 drawn = int(self.rng.choice(len(names), p=share))
                 if not self.pushes or names[drawn] in QUIET or self.rng.random() < 0.02:
-                    self.happen(names[drawn])
+                    getattr(self, names[drawn])()
             yield self.frame(exact=k % exact_every == 0)
 
 
@@ -486,6 +481,5 @@ def _drawn_inside(envelope: PayloadRecipe, rng: np.random.Generator) -> np.ndarr
     if envelope.size:
         ends = np.linspace(radius, sides.max() - radius, 5) - 0.5 * sides.max()
         along = ends[:, None] * (np.arange(3) == sides.argmax())
-    T = pose_of(envelope.position, envelope.rpy)
-    centers = along @ T[:3, :3].T + T[:3, 3]
+    centers = moved_points(along, pose_of(envelope.position, envelope.rpy))
     return np.column_stack([centers, np.full(len(centers), radius)])

@@ -292,6 +292,3 @@ class SeenSpace:
         return Seen(
             points, self.covering_radius, self.stamp, trouble, readings, removed
         )
-
-
-__all__ = ["CELL_NAMES", "Seen", "SeenSettings", "SeenSpace"]

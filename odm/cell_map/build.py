@@ -1,7 +1,6 @@
 """Build a cell map from a recipe: robot, roadmap, sweep."""
 
 import logging
-import platform
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +19,7 @@ from odm.close_test.static import always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
-from roadmap.chunks import Chunk, Progress, Threads, Workers
+from roadmap.chunks import Chunk, Progress, Threads, Workers, about
 from roadmap.graph.connecting import BuildReport, Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
@@ -69,13 +68,13 @@ def build_map(
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
-    arm, rest = arm_of(robot), (threads, _named(progress), workers)
-    cells = sweep_roadmap(robot, arm, roadmap, grid, recipe.safety, *rest)
+    rest = (grid, recipe.safety, workers, _named(progress))
+    cells = sweep_roadmap(robot, arm_of(robot), roadmap, *rest)
     built = _facts(report, sampled - begun)
     payload = None
     if recipe.payload is not None:
-        rest = threads, _named(progress, "payload "), workers
-        payload = build_payload(robot, recipe, roadmap, grid, scenery, *rest)
+        rest = (grid, scenery, threads, workers, _named(progress, "payload "))
+        payload = build_payload(robot, recipe, roadmap, *rest)
         n = roadmap.n_nodes
         built["payload_nodes"] = int(n - payload.closed[:n].sum())
         built["payload_edges"] = int(roadmap.n_edges - payload.closed[n:].sum())
@@ -95,7 +94,7 @@ def _facts(report: BuildReport, roadmap_seconds: float) -> dict:
         "free_edges": report.edges,
         "components": list(report.components[:8]),
         "n_components": len(report.components),
-        "versions": _versions(),
+        "versions": {k: v for k, v in about().items() if k != "program"},
     }
 
 
@@ -159,16 +158,3 @@ def _named(progress: Progress | None, layer: str = "") -> Progress | None:
     if progress is None:
         return None
     return lambda stage, done, total: progress(f"{layer}cells of {stage}", done, total)
-
-
-def _versions() -> dict[str, str]:
-    import numba
-    import scipy
-
-    return {
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "scipy": scipy.__version__,
-        "machine": platform.machine(),
-    }

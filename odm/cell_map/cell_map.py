@@ -9,7 +9,7 @@ import numpy as np
 from odm.cell_map.lists import CellLists, lists_of
 from odm.cell_map.recipe import PayloadRecipe, Recipe, recipe_of_map
 from odm.close_test._arm import Arm
-from odm.close_test.arm import arm_of, moving_order
+from odm.close_test.arm import arm_of
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
@@ -113,11 +113,6 @@ class CellMap:
     def arm(self) -> Arm:
         """The moving spheres sorted by body, for the compiled loops."""
         return arm_of(self.robot)
-
-    @cached_property
-    def sphere_order(self) -> np.ndarray:
-        """(n,) index in `robot.spheres` of each sphere of `arm`."""
-        return moving_order(self.robot)
 
     @property
     def motion_tolerance(self) -> float:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.close_test.safety import Safety
 from odm.close_test.static import StaticTest
@@ -24,27 +25,20 @@ class Standing(NamedTuple):
     safety: Safety
 
 
-class Sweeping(NamedTuple):
-    """What is swept: see `_sweep.Swept`; `wide` blocks have 32-bit numbers."""
-
-    swept: sweep.Swept
-    wide: bool
-
-
 def motion_job(robot: Robot, scenery: Scenery, safety: Safety, stage: str) -> Job:
     """Return the job of testing motions q + t dq, both (k, dof) -> (k,) bool."""
     spec = Standing(robot, scenery, safety)
     return Job(f"{__name__}:test_motions", f"{__name__}:static_test", spec, stage, 2)
 
 
-def node_job(spec: Sweeping) -> Job:
+def node_job(swept: sweep.Swept) -> Job:
     """Return the job of sweeping configurations (k, dof)."""
-    return Job(f"{__name__}:cells_of_nodes", f"{__name__}:as_it_is", spec, "node", 1)
+    return Job(f"{__name__}:cells_of_nodes", f"{__name__}:as_it_is", swept, "node", 1)
 
 
-def edge_job(spec: Sweeping) -> Job:
+def edge_job(swept: sweep.Swept) -> Job:
     """Return the job of sweeping motions less the cells of their two nodes."""
-    return Job(f"{__name__}:cells_of_edges", f"{__name__}:as_it_is", spec, "edge", 3)
+    return Job(f"{__name__}:cells_of_edges", f"{__name__}:as_it_is", swept, "edge", 3)
 
 
 def static_test(spec: Standing, threads: int = 1) -> StaticTest:
@@ -52,9 +46,9 @@ def static_test(spec: Standing, threads: int = 1) -> StaticTest:
     return StaticTest(*spec, threads=threads, finest=TOLERANCE)
 
 
-def as_it_is(spec: Sweeping) -> Sweeping:
+def as_it_is(swept: sweep.Swept) -> sweep.Swept:
     """Return what needs no making."""
-    return spec
+    return swept
 
 
 def test_motions(
@@ -64,13 +58,13 @@ def test_motions(
     return (test.motions_free(q, dq),)
 
 
-def cells_of_nodes(spec: Sweeping, q: np.ndarray) -> tuple[np.ndarray, ...]:
+def cells_of_nodes(swept: sweep.Swept, q: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return counts (k,), blocks and masks of configurations (k, dof)."""
-    return _lists(spec, len(q), lambda out: sweep.sweep_nodes(spec.swept, q, out))
+    return _lists(swept, len(q), lambda out: sweep.sweep_nodes(swept, q, out))
 
 
 def cells_of_edges(
-    spec: Sweeping,
+    swept: sweep.Swept,
     q: np.ndarray,
     dq: np.ndarray,
     ends: np.ndarray,
@@ -84,17 +78,16 @@ def cells_of_edges(
     motion's two nodes, which are left out.
     """
     nodes = sweep.ItemCells(ptr, block, mask)
-    return _lists(
-        spec, len(q), lambda out: sweep.sweep_edges(spec.swept, q, dq, ends, nodes, out)
-    )
+    motions = swept, q, dq, ends, nodes
+    return _lists(swept, len(q), lambda out: sweep.sweep_edges(*motions, out))
 
 
-def _lists(spec: Sweeping, size: int, job) -> tuple[np.ndarray, ...]:  # noqa: ANN001
+def _lists(swept: sweep.Swept, size: int, job) -> tuple:  # noqa: ANN001
+    kind = block_type(np.prod(swept.grid.shape))
     room = _ENTRIES * size
     while True:
         counts = np.empty(size, np.int64)
-        blocks = np.empty(room, np.uint32 if spec.wide else np.uint16)
-        masks = np.empty(room, np.uint64)
+        blocks, masks = np.empty(room, kind), np.empty(room, np.uint64)
         end = job(sweep.Lists(counts, blocks, masks))
         if end == -2:
             raise BuildRefused(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from odm._groups import block_type
 from odm.cell_map import _packed as packed
 from odm.cell_map._sweep import ItemCells
 from odm.cell_map.estimate import free_memory
@@ -79,9 +80,8 @@ class CellLists:
             ptr (n_items + 1,), block (n,), ascending within an item, and mask (n,).
         """
         n = self.n_entries
-        kind = np.uint16 if self.n_blocks <= 65535 else np.uint32
         ptr = np.empty(len(self.start), np.int64)
-        made = ptr, _room(n, kind), _room(n, np.uint64)
+        made = ptr, _room(n, block_type(self.n_blocks)), _room(n, np.uint64)
         packed.unpack_lists(*self.arrays().values(), *made)
         return ItemCells(*map(_kept, made))
 

@@ -93,9 +93,9 @@ def build_payload(
     roadmap: Roadmap,
     grid: WorkspaceGrid,
     scenery: Scenery,
-    threads: int = 0,
-    progress: Progress | None = None,
-    workers: Workers | None = None,
+    threads: int,
+    workers: Workers,
+    progress: Progress | None,
 ) -> PayloadLayer:
     """Sweep the envelope and find where it touches the arm or the scenery.
 
@@ -105,16 +105,8 @@ def build_payload(
     loaded = with_payload(robot, spheres, shell(envelope_solid(recipe.payload)), [])
     own = len(loaded.link_names) - 1
     alone = only_link(loaded, own)
-    cells = sweep_roadmap(
-        alone,
-        arm_of(alone),
-        roadmap,
-        grid,
-        recipe.safety,
-        threads,
-        progress,
-        workers,
-    )
+    rest = (grid, recipe.safety, workers, progress)
+    cells = sweep_roadmap(alone, arm_of(alone), roadmap, *rest)
     test = static_test(Standing(loaded, scenery, recipe.safety), threads)
     ends = np.asarray(roadmap.edges)
     still = np.zeros_like(roadmap.nodes)

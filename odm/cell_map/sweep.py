@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING
-from odm.cell_map.chunk_work import Sweeping, edge_job, node_job
+from odm.cell_map.chunk_work import edge_job, node_job
 from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
@@ -25,11 +26,10 @@ def sweep_roadmap(
     roadmap: Roadmap,
     grid: WorkspaceGrid,
     safety: Safety,
-    threads: int = 0,
-    progress: Progress | None = None,
     workers: Workers | None = None,
+    progress: Progress | None = None,
 ) -> CellLists:
-    """Sweep all nodes, then all edges less their nodes; the same for any `threads`.
+    """Sweep all nodes, then all edges less their nodes; the same for any workers.
 
     Args:
         robot: Whose nodes and edges are swept.
@@ -37,23 +37,21 @@ def sweep_roadmap(
         roadmap: Nodes and edges.
         grid: Where; it must hold every swept cell.
         safety: Terms; a sphere is grown by rho + m + ROUNDING.
-        threads: Worker threads; 0 means one per core.
-        progress: Called with (stage, done, total).
         workers: Who does the chunks; threads of this process when None.
+        progress: Called with (stage, done, total).
 
     Raises:
         BuildRefused: A swept cell lies outside the grid.
     """
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
     swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
-    spec = Sweeping(swept, wide=grid.n_blocks > 65535)
-    workers = workers or Threads(threads)
+    workers = workers or Threads()
     tell = progress or (lambda stage, done, total: None)
     n, m = roadmap.n_nodes, roadmap.n_edges
-    found = workers.map(node_job(spec), _node_chunks(roadmap))
-    nodes = _collected(found, spec, n, tell, "nodes")
-    found = workers.map(edge_job(spec), _edge_chunks(robot, roadmap, nodes))
-    edges = _collected(found, spec, m, tell, "edges")
+    found = workers.map(node_job(swept), _node_chunks(roadmap))
+    nodes = _collected(found, grid, n, tell, "nodes")
+    found = workers.map(edge_job(swept), _edge_chunks(robot, roadmap, nodes))
+    edges = _collected(found, grid, m, tell, "edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])
     mask = np.concatenate([nodes[2], edges[2]])
@@ -99,7 +97,7 @@ def _edge_chunks(
 
 def _collected(
     found: Iterable[tuple[np.ndarray, ...]],
-    spec: Sweeping,
+    grid: WorkspaceGrid,
     n: int,
     tell: Progress,
     stage: str,
@@ -112,7 +110,7 @@ def _collected(
         tell(stage, done, n)
     none: tuple[np.ndarray, ...] = (
         np.zeros(0, np.int64),
-        np.zeros(0, np.uint32 if spec.wide else np.uint16),
+        np.zeros(0, block_type(grid.n_blocks)),
         np.zeros(0, np.uint64),
     )
     columns = list(zip(*(results or [none]), strict=True))

@@ -29,12 +29,9 @@ class SortedCloud:
 
     def of_all(self, points: np.ndarray) -> tuple[object, int]:
         """Return the same and how many are not finite, which are left out."""
-        self._make_room(points)
-        return self._cloud, lay_out(points, self._cloud)
-
-    def _make_room(self, points: np.ndarray) -> None:
         if len(points) > len(self._cloud.where):
             self._cloud = self.grid.new_cloud(2 * len(points))
+        return self._cloud, lay_out(points, self._cloud)
 
 
 class SortedClouds:

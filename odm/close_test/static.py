@@ -12,7 +12,7 @@ import numpy as np
 from odm.close_test import _static as kernels
 from odm.close_test._arm import Clearance, Work, make_work
 from odm.close_test._close import FIRST_SOLID
-from odm.close_test.arm import arm_of
+from odm.close_test.arm import arm_of, moving_order
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.safety import Safety
 from odm.obstacles import _occupancy as occupancy
@@ -205,13 +205,13 @@ class StaticTest:
 
     def clear_of_place(self, q: np.ndarray, dq: np.ndarray) -> bool:
         """Return whether the motion q + t dq is clear of this place's scenery."""
-        test = CloseTest(*self.place_clearance(self.work))
-        return test.clear(q, dq, self.place_cloud, solids=self.place.solids)
+        return self.place_test.clear(q, dq, self.place_cloud, solids=self.place.solids)
 
-    def place_clearance(self, work: Work) -> tuple:
-        """Return what a close test against this place's scenery works with."""
+    @property
+    def place_test(self) -> CloseTest:
+        """The close test against this place's scenery."""
         radii, bare = self.place_radii, self.place_bare
-        return self.arm, radii, self.tolerance, work, bare
+        return CloseTest(self.arm, radii, self.tolerance, self.work, bare)
 
     def _solids(self, more: float) -> kernels.Solids:
         kept, scenery = self.safety.m + more, self.scenery
@@ -237,10 +237,8 @@ class StaticTest:
         """Links of all spheres of the moving robot, in their order."""
         known = getattr(self.own_scratch, "links", None)
         if known is None or known[0] is not self.robot:
-            order = np.flatnonzero(self.robot.sphere_body > 0)
-            order = order[np.argsort(self.robot.sphere_body[order], kind="stable")]
-            names = self.robot.link_names
-            links = [names[k] for k in self.robot.sphere_link[order].tolist()]
+            owner, names = self.robot.sphere_link, self.robot.link_names
+            links = [names[k] for k in owner[moving_order(self.robot)].tolist()]
             known = self.own_scratch.links = (self.robot, links)
         return known[1]
 
@@ -326,7 +324,8 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
     plate). Only bodies that the first joint alone moves are looked at, so a link that
     could get away is never dropped. Every drop is listed in the map.
     """
-    arm, work = arm_of(robot), None
+    arm = arm_of(robot)
+    work = make_work(len(arm.spheres), len(robot.tree_i), robot.dof)
     rng = np.random.default_rng(0)
     sample = robot.lower + rng.random((256, robot.dof)) * (robot.upper - robot.lower)
     dropped = []
@@ -334,23 +333,14 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
     for body in range(1, len(robot.tree_i)):
         if robot.tree_i[body, 0] != 0:
             continue
-        own = np.flatnonzero(arm.body == body)
-        if not len(own):
+        if not (arm.body == body).any():
             continue
-        work = make_work(len(arm.spheres), len(robot.tree_i), robot.dof)
         for k in range(len(scenery.solids)):
             skip = np.ones((len(robot.tree_i), len(scenery.solids)), np.bool_)
             skip[body, k] = False
             solids = kernels.Solids(scenery.solids, skip, safety.m, faces=scenery.faces)
-            touching = all(
-                not kernels.motion_clear_of_solids(arm, q, still, solids, work)
-                for q in sample
-            )
-            if touching:
-                links = [
-                    n
-                    for n, b in zip(robot.link_names, robot.link_body, strict=True)
-                    if b == body
-                ]
-                dropped.extend((link, scenery.names[k]) for link in links)
+            clear = kernels.motion_clear_of_solids
+            if not any(clear(arm, q, still, solids, work) for q in sample):
+                links = np.flatnonzero(robot.link_body == body)
+                dropped += [(robot.link_names[i], scenery.names[k]) for i in links]
     return replace(scenery, dropped=tuple(dropped))

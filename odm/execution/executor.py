@@ -440,10 +440,7 @@ class Executor:
         return False
 
     def _begin_evading(
-        self,
-        path: np.ndarray,
-        threat: Moving,
-        shares: tuple[float, ...],
+        self, path: np.ndarray, threat: Moving, shares: tuple[float, ...]
     ) -> bool:
         """Retreat along a path as fast as the braking test allows; False if not now.
 

@@ -80,11 +80,7 @@ class Lookout:
         self._wait_s = min(self._wait_s, self.settings.between_looks)
 
     def evasion(
-        self,
-        motion: Motion,
-        t: float,
-        threat: Threat,
-        speed_scale: float,
+        self, motion: Motion, t: float, threat: Threat, speed_scale: float
     ) -> np.ndarray | None:
         """Return (2, dof) a motion that leads away, or None; ask in every frame.
 

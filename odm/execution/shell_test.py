@@ -87,16 +87,11 @@ class ShellTest:
 
     Args:
         planner: Its robot counts, with what it carries, and where its base stands.
-        settings: How finely.
     """
 
-    def __init__(
-        self,
-        planner: Any,  # noqa: ANN401
-        settings: StopTestSettings = StopTestSettings(),
-    ) -> None:
+    def __init__(self, planner: Any) -> None:  # noqa: ANN401
         """Keep the planner."""
-        self.planner, self.settings = planner, settings
+        self.planner, self.settings = planner, StopTestSettings()
         self._shells: _Shells | None = None
 
     def passes(

@@ -91,19 +91,12 @@ class SpeedLimit:
     Args:
         robot: The robot.
         settings: See SpeedSettings.
-        ahead: How far ahead it looks.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        settings: SpeedSettings | None = None,
-        ahead: AheadSettings = AheadSettings(),
-    ) -> None:
+    def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
         """Take the spheres of the links that joints move."""
-        self.robot, self.settings = robot, settings or SpeedSettings()
-        self._ahead = ahead
-        s = self.settings
+        s = settings or SpeedSettings()
+        self.robot, self.settings, self._ahead = robot, s, AheadSettings()
         lost = s.intrusion + s.position_error
         times = [s.reaction_s, s.stopping_s, lost]
         speeds = [s.least_speed, s.unknown_speed]

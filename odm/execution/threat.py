@@ -58,13 +58,7 @@ from typing import Protocol
 import numpy as np
 
 from odm.checks import as_floats
-from odm.execution._threat import (
-    Ability,
-    Tracks,
-    follow,
-    write_between,
-    write_sharpest,
-)
+from odm.execution._threat import Ability, Tracks, follow, write_between, write_sharpest
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
@@ -138,18 +132,15 @@ class ThreatSettings:
         """Return the bound on the error of a mean velocity over a time [s], in m/s."""
         return 2.0 * self.noise / window + 0.5 * self.acceleration * window
 
-    def displacement_bound(
-        self, time: float, period: float, follow: FollowSettings = _FOLLOW
-    ) -> float:
+    def displacement_bound(self, time: float, period: float) -> float:
         """Return how far somebody who seems to stand may be after a time [m].
 
         Args:
             time: From the last frame on [s].
             period: Time between frames [s], over some of which velocities are averaged.
-            follow: How they are followed.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
-        longest = max(follow.drift_s, self.window)
+        longest = max(_FOLLOW.drift_s, self.window)
         known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)
@@ -220,8 +211,8 @@ class Threat:
 
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the threat of some of the parts alone."""
-        how = (self.drift, self.rows_of_past, self.most, self.window)
-        how += (self.widening, self.untouched)
+        rows = np.arange(len(self.capsules)) if self.rows is None else self.rows
+        how = (self.drift, rows, self.most, self.window, self.widening, self.untouched)
         drift, rows, most, window, widening, untouched = (
             x if x is None else x[these] for x in how
         )
@@ -258,11 +249,6 @@ class Threat:
         untouched, error = np.where(known, max(time, 0.0), 0.0), np.array(self.error)
         error[known] = 2.0 * self.settings.noise / self.window[known]
         return replace(self, untouched=untouched, error=error)
-
-    @property
-    def rows_of_past(self) -> np.ndarray:
-        """(k,) which of the ends in `past` each part is."""
-        return np.arange(len(self.capsules)) if self.rows is None else self.rows
 
     def as_lately(self) -> "Threat":
         """Return the threat of a person who accelerates at least as hard as lately.
@@ -336,11 +322,6 @@ class Threat:
         grown = there.capsules[:, 6] - self.capsules[:, 6]
         return math.inf if more else float(grown.max(initial=0.0))
 
-    @property
-    def is_dated(self) -> bool:
-        """Whether the age of the data is known."""
-        return age_of(self.age) < math.inf
-
     def likely(self, *times: float) -> Obstacles | None:
         """Return the capsules where they will be at some times from now [s].
 
@@ -359,7 +340,7 @@ class Threat:
     @property
     def leads_on(self) -> bool:
         """Whether it is known where any of the parts are likely to be soon."""
-        return self.is_dated and bool(self.known.any())
+        return age_of(self.age) < math.inf and bool(self.known.any())
 
     @cached_property
     def fastest(self) -> float:
@@ -483,9 +464,7 @@ class Watcher:
     """
 
     def __init__(
-        self,
-        settings: ThreatSettings | None = None,
-        follow: FollowSettings = _FOLLOW,
+        self, settings: ThreatSettings | None = None, follow: FollowSettings = _FOLLOW
     ) -> None:
         """Start before the first frame."""
         self.follow = follow

@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from odm.cell_map.payload import (
-    CarriedObject,
-    carried_object,
-    loaded_map,
-    require_fit,
-)
+from odm.cell_map.payload import CarriedObject, carried_object, loaded_map, require_fit
 from odm.close_test._arm import make_work
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Frame
@@ -93,9 +88,7 @@ class Carrier:
         work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
-            radii=np.zeros(n),
-            bare=np.zeros(n),
-            motion_bound=motion_bound,
+            radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
         )
         held = self._closed_groups() if layer is None else self._groups
         groups = {"arm": arm, "work": work, "robot_state": robot_state}

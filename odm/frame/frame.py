@@ -462,6 +462,7 @@ class Frame:
     def save(self) -> dict[str, np.ndarray]:
         """Return the frame that was seen last."""
         sampled = [np.nan if value is None else value for value in self.sampled]
+        kept = self._kept if self.watch.seen_inside is not None else np.zeros((0, 3))
         return {
             "points": self.points.copy(),
             "heeded": np.array(self.n_given),
@@ -472,12 +473,8 @@ class Frame:
             "q": self.q.copy(),
             "counted_in": self.memory.direct.frame.copy(),
             **{f"watch_{k}": array for k, array in self.watch.save().items()},
-            "watch_inside": self._points_inside().copy(),
+            "watch_inside": kept.copy(),  # the watch may still ask for them
         }
-
-    def _points_inside(self) -> np.ndarray:
-        """Return the points that the watch may still ask for."""
-        return self._kept if self.watch.seen_inside is not None else np.zeros((0, 3))
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up a frame that was saved, after the arrays of the state."""

@@ -5,18 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm._groups import new
 from odm.checks import as_floats
-from odm.close_test._arm import Clearance
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.static import Place, StaticTest
 from odm.frame import _place as kernels
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
-from odm.obstacles._solids import MESH, Solids
+from odm.obstacles._solids import Solids
 from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.obstacles import Obstacles, SolidRoom, is_small_hull
+from odm.obstacles.obstacles import Obstacles, SolidRoom, is_small_hull, together
 from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
@@ -80,10 +78,9 @@ class Thing:
 
     def at(self, T_base_thing: np.ndarray) -> Standing:
         """Return it where its frame has this pose (4, 4) in the base frame."""
-        solids = self._solids_at(T_base_thing)
-        R, p = T_base_thing[:3, :3], T_base_thing[:3, 3]
-        samples, points = self._samples @ R.T + p, self._points @ R.T + p
-        return Standing(self.name, samples, points, solids)
+        samples = moved_points(self._samples, T_base_thing)
+        points = moved_points(self._points, T_base_thing)
+        return Standing(self.name, samples, points, self._solids_at(T_base_thing))
 
     def _solids_at(self, T_base_thing: np.ndarray) -> Solids:
         if not len(self._obstacles):
@@ -94,7 +91,7 @@ class Thing:
                 f"a shape of {self.name!r} is too large or has a size that is not "
                 "above 0; give metres: a radius of at most 5, a size of at most 1000"
             )
-        return joined([room])
+        return together([room])[0]
 
 
 def _mesh_points(mesh: shapes.Mesh, rho: float) -> np.ndarray:
@@ -109,43 +106,16 @@ def _mesh_points(mesh: shapes.Mesh, rho: float) -> np.ndarray:
     return moved_points(centers[kept], mesh.T_base_shape)
 
 
-def joined(groups: list[Solids]) -> Solids:
-    """Return the solids of several groups as one, in arrays of its own."""
-    rows, kinds, faces, first = [], [], [], 0
-    for group in groups:
-        n = int(group.count[0])
-        part, kind = group.rows[:n].copy(), group.kind[:n].copy()
-        own = kind == MESH
-        used = int(part[own, 13].max(initial=0.0))
-        part[own, 12:14] += first
-        first += used
-        rows.append(part)
-        kinds.append(kind)
-        faces.append(group.faces[:used])
-    sizes = {"shapes": sum(map(len, rows)), "faces": first}
-    whole = new(Solids, sizes)
-    if rows:
-        whole.rows[...] = np.concatenate(rows)
-        whole.kind[...] = np.concatenate(kinds)
-        whole.faces[...] = np.concatenate(faces)
-    whole.count[0] = sizes["shapes"]
-    return whole
-
-
 def place_of(things: Iterable[Standing]) -> Place:
     """Return all that stands at a place as the static test takes it."""
     things = list(things)
-    points, solids = [np.zeros((0, 3))], []
-    point_names, solid_names, p, s = [], [], 0, 0
-    for thing in things:
-        point_names.append((p, thing.name))
-        solid_names.append((s, thing.name))
-        points.append(thing.points)
-        solids.append(thing.solids)
-        p += len(thing.points)
-        s += int(thing.solids.count[0])
-    all_points = np.ascontiguousarray(np.concatenate(points))
-    return Place(all_points, joined(solids), tuple(point_names), tuple(solid_names))
+    names = [thing.name for thing in things]
+    points = np.concatenate([np.zeros((0, 3)), *(thing.points for thing in things)])
+    solids, of_solids = together([thing.solids for thing in things])
+    of_points = np.cumsum([0, *(len(thing.points) for thing in things)])
+    firsts = of_points.tolist(), of_solids.tolist()  # and the ends, which name nothing
+    told = (tuple(zip(first, names, strict=False)) for first in firsts)
+    return Place(points, solids, *told)
 
 
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
@@ -287,9 +257,7 @@ class PlaceItems:
             self._test(self._things[name], n)
 
     def _test_of(self, closed: _Closed, static: StaticTest | None = None) -> tuple:
-        static = static or self._static
-        arm, radii, tolerance, work, bare = static.place_clearance(static.work)
-        clearance = Clearance(arm, radii, bare, tolerance, work)
+        clearance = (static or self._static).place_test.group
         return clearance, self._graph, closed.cloud, closed.thing.solids
 
     def _add(self, thing: Standing) -> _Closed:

@@ -76,11 +76,7 @@ class SensorWatch:
         self.seen_inside = None if math.isnan(seen) else seen
 
     def unfit(
-        self,
-        counts: np.ndarray,
-        shown: Shown,
-        stamp: float | None,
-        now: float | None,
+        self, counts: np.ndarray, shown: Shown, stamp: float | None, now: float | None
     ) -> str | None:
         """Return why this frame's obstacle data cannot be used at all, or None.
 

@@ -35,6 +35,15 @@ _WRONG = {
 }
 
 
+def _written_in_place(kind: str, row: str) -> Any:  # noqa: ANN401 (a property)
+    """Return the rows of one kind of shape; setting them writes into the array."""
+    return property(
+        lambda self: self._views[kind],
+        lambda self, rows: self._write(kind, rows),
+        doc=f"{row} [m]; setting it writes into the array.",
+    )
+
+
 class Obstacles:
     """Shapes and points around the robot: what `planner.step` takes each frame.
 
@@ -150,9 +159,7 @@ class Obstacles:
 
     @classmethod
     def of(
-        cls,
-        shapes: Sequence[solid.Shape],
-        points: np.ndarray | None = None,
+        cls, shapes: Sequence[solid.Shape], points: np.ndarray | None = None
     ) -> "Obstacles":
         """Return obstacles that hold these shapes, where they are, and points.
 
@@ -186,41 +193,10 @@ class Obstacles:
         """Return how many shapes there are."""
         return self._size
 
-    @property
-    def capsules(self) -> np.ndarray:
-        """(k, 7) ends a and b and radius [m]; setting it writes into the array."""
-        return self._views["capsules"]
-
-    @capsules.setter
-    def capsules(self, rows: np.ndarray) -> None:
-        self._write("capsules", rows)
-
-    @property
-    def spheres(self) -> np.ndarray:
-        """(k, 4) centre and radius [m]."""
-        return self._views["spheres"]
-
-    @spheres.setter
-    def spheres(self, rows: np.ndarray) -> None:
-        self._write("spheres", rows)
-
-    @property
-    def cylinders(self) -> np.ndarray:
-        """(k, 7) centres of the end discs and radius [m]."""
-        return self._views["cylinders"]
-
-    @cylinders.setter
-    def cylinders(self, rows: np.ndarray) -> None:
-        self._write("cylinders", rows)
-
-    @property
-    def boxes(self) -> np.ndarray:
-        """(k, 15) pose (3, 4) of the centre, row by row, and edge lengths [m]."""
-        return self._views["boxes"]
-
-    @boxes.setter
-    def boxes(self, rows: np.ndarray) -> None:
-        self._write("boxes", rows)
+    capsules = _written_in_place("capsules", "(k, 7) ends a and b and radius")
+    spheres = _written_in_place("spheres", "(k, 4) centre and radius")
+    cylinders = _written_in_place("cylinders", "(k, 7) ends of the axis and radius")
+    boxes = _written_in_place("boxes", "(k, 15) pose (3, 4) and edge lengths")
 
     @property
     def points(self) -> np.ndarray:

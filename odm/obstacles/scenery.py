@@ -82,23 +82,9 @@ class Scenery:
 
     def shapes(self) -> list[tuple[str, Shape]]:
         """Return (name, shape) of the exact solids, for a picture; no half-spaces."""
-        found: list[tuple[str, Shape]] = []
-        for name, row in zip(self.names, self.solids, strict=True):
-            kind, middle = row[0], row[1:4]
-            if kind == _BOX:
-                T = pose_with(row[4:13].reshape(3, 3), middle)
-                found.append((name, Box(2.0 * row[13:16], T)))
-            elif kind == _ROD:
-                found.append((name, Capsule.between(middle, middle + row[4:7], row[7])))
-            elif kind == _CYLINDER:
-                half = row[8] * row[4:7]
-                rod = Cylinder.between(middle - half, middle + half, row[7])
-                found.append((name, rod))
-            elif kind == _HULL:
-                corners = self.faces[int(row[5]) : int(row[6]), 4:13].reshape(-1, 3)
-                triangles = np.arange(len(corners)).reshape(-1, 3)
-                found.append((name, Mesh(corners, triangles)))
-        return found
+        rows = zip(self.names, self.solids, strict=True)
+        found = ((name, shape_of_row(row, self.faces)) for name, row in rows)
+        return [(name, shape) for name, shape in found if shape is not None]
 
     @classmethod
     def from_store(cls, meta: dict, arrays: dict[str, np.ndarray]) -> "Scenery":
@@ -112,6 +98,22 @@ class Scenery:
             dropped,
             arrays.get("faces", np.zeros((0, 13))),
         )
+
+
+def shape_of_row(row: np.ndarray, faces: np.ndarray) -> Shape | None:
+    """Return the shape of a row of `Scenery.solids`; None: it is a half-space."""
+    kind, middle = row[0], row[1:4]
+    if kind == _BOX:
+        return Box(2.0 * row[13:16], pose_with(row[4:13].reshape(3, 3), middle))
+    if kind == _ROD:
+        return Capsule.between(middle, middle + row[4:7], row[7])
+    if kind == _CYLINDER:
+        half = row[8] * row[4:7]
+        return Cylinder.between(middle - half, middle + half, row[7])
+    if kind == _HULL:
+        corners = faces[int(row[5]) : int(row[6]), 4:13].reshape(-1, 3)
+        return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    return None
 
 
 def parse_scenery(

@@ -44,8 +44,6 @@ class WorldFrame:
         """Return a pose (4, 4) of the world in the base frame."""
         return T_world if self.at_base else self.T_base_world @ T_world
 
-    def direction(self, v_world: np.ndarray | None) -> np.ndarray | None:
-        """Return a direction (3,) of the world in the base frame; None stays None."""
-        if self.at_base or v_world is None:
-            return v_world
-        return self.T_base_world[:3, :3] @ np.asarray(v_world, float)
+    def direction(self, v_world: np.ndarray) -> np.ndarray:
+        """Return a direction (3,) of the world in the base frame."""
+        return v_world if self.at_base else self.T_base_world[:3, :3] @ v_world

@@ -11,12 +11,12 @@ from odm.close_test.static import ONLINE_TOLERANCE
 from odm.frame.frame import Frame
 from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
-from odm.planner.settings import AttachSettings
+from odm.planner.settings import AttachSettings, PlannerSettings
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
-from odm.search.state import MAX_ATTACHMENTS, point_motion_bounds
+from odm.search.state import point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _NONE = np.zeros(0, np.int64)
@@ -33,10 +33,8 @@ class Attacher:
         path: The path in use; its items are kept.
         candidate: What betters that path; its items are kept, too.
         candidates: Their items are thrown away when the pool runs full.
-        goals: Motions that join a goal to near nodes.
-        starts: The same for a start.
-        kept: Goals that stay attached.
-        settings: How and when they are joined.
+        wanted: By how many motions goals and starts are joined, and how many goals stay
+            attached.
 
     Attributes:
         goals: (g, dof) best first [rad or m].
@@ -53,26 +51,23 @@ class Attacher:
         path: PathInUse,
         candidate: CandidatePath,
         candidates: Candidates,
-        goals: int,
-        starts: int,
-        kept: int,
-        settings: AttachSettings = AttachSettings(),
+        wanted: PlannerSettings,
     ) -> None:
         """Attach nothing yet."""
-        self.settings = settings
+        self.settings = AttachSettings()
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates
         self.roadmap = frame.cell_map.roadmap
-        self._for_goals = min(goals, MAX_ATTACHMENTS)
-        self._for_starts = min(starts, MAX_ATTACHMENTS)
+        self._for_goals = wanted.goal_connections
+        self._for_starts = wanted.start_connections
         self._resize()
-        self.kept = CachedGoals(frame.memory.goals, kept)
+        self.kept = CachedGoals(frame.memory.goals, wanted.cached_goals)
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
         self._to_robot = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
-        self._chosen = np.zeros(settings.moving_nodes, np.int64)
+        self._chosen = np.zeros(self.settings.moving_nodes, np.int64)
         self._ends = -1, b"", False  # `ends_free`: of which frame and goals
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
@@ -111,10 +106,7 @@ class Attacher:
     # --- goals -----------------------------------------------------------------
 
     def set_goals(
-        self,
-        goals: np.ndarray,
-        costs: np.ndarray | None,
-        at_once: int | None = None,
+        self, goals: np.ndarray, costs: np.ndarray | None, at_once: int | None = None
     ) -> None:
         """Attach goals; the path in use stays where its goal does.
 
@@ -141,7 +133,7 @@ class Attacher:
                     self.kept.keep(m.goals, g)
             else:
                 self._take_over(g, known, before)
-                if self._is_direct_known():
+                if np.array_equal(self._direct_from, self.q_attached):
                     direct[g] = before[m.goals._fields.index("attached_ref")][known]
             m.goals.cost[g] = 0.0 if costs is None else costs[g]
             m.goals.direct_blocked_at[g] = -1.0
@@ -639,9 +631,6 @@ class Attacher:
                 m.goals.attached_ref[g] = kinds.NO_ITEM
                 if ranks:
                     break
-
-    def _is_direct_known(self) -> bool:
-        return bool(np.array_equal(self._direct_from, self.q_attached))
 
     # --- inside ----------------------------------------------------------------
 

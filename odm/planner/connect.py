@@ -43,24 +43,22 @@ class Connector:
         path: The path in use.
         attacher: Makes cells of legs, and numbers of vertices.
         budget: Configurations that a frame looks at; 0: it never searches.
-        settings: How this is shared out.
 
     Attributes:
         looked: Configurations looked at for this start and these goals.
+        lacks_cells: Whether the path found last has legs without cells; see
+            `sweep_cells`.
+        frames_to_persist: Frames more that a path found here must be free to be taken;
+            0: none.
         is_new: The last frame without a path was the first from there to these goals.
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        path: PathInUse,
-        attacher: Attacher,
-        budget: int,
-        settings: ConnectSettings = ConnectSettings(),
+        self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
     ) -> None:
         """Know no path, and no trees."""
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.budget, self.settings = budget, settings
+        self.budget, self.settings = budget, ConnectSettings()
         self.trees, self.found = frame.memory.trees, frame.memory.found
         self.reset()
 
@@ -68,12 +66,12 @@ class Connector:
         """Forget trees and paths: other things stand still, or another hand."""
         self.trees.count[:] = self.trees.drawn[:] = 0
         self.found.count[:] = self.found.next[:] = 0
-        self._root, self._goals, self._lacks_cells = b"", b"", False
+        self._root, self._goals, self.lacks_cells = b"", b"", False
         self._place, self.is_new = b"", False
         self._vertices = set(self.found.vertex.ravel().tolist())  # of found paths
         self._asked = -1  # frame whose search goes on between frames
         self.looked = 0
-        self._frames_to_persist = 0  # in a row that a path must be there to be taken
+        self.frames_to_persist = 0
 
     def remembered(self, q: np.ndarray, patience: int, waits: bool) -> FoundPath | None:
         """Begin a frame without a path on the roadmap: return one found before.
@@ -87,7 +85,7 @@ class Connector:
             return None
         self._asked = self.frame.number
         if self.path.followed and (waits or self._is_mine()):
-            self._frames_to_persist = patience
+            self.frames_to_persist = patience
         joins = self.is_new or self.frame.number % self.settings.joins_in == 0
         return self._free_path(q, joins)
 
@@ -112,10 +110,10 @@ class Connector:
         closes as a hand trembles is not taken.
         """
         if path is None:
-            self._frames_to_persist = patience if self._frames_to_persist else 0
+            self.frames_to_persist = patience if self.frames_to_persist else 0
             return False
-        self._frames_to_persist = max(0, self._frames_to_persist - 1)
-        if self._frames_to_persist:
+        self.frames_to_persist = max(0, self.frames_to_persist - 1)
+        if self.frames_to_persist:
             return False
         self.path.lead(*path)
         return True
@@ -146,11 +144,6 @@ class Connector:
             return 0
         s, most = self.settings, self.budget // 4
         return int(self._search(s.per_test * budget, min(most, s.shorten)))
-
-    @property
-    def frames_to_persist(self) -> int:
-        """Frames more that a path found here must be free to be taken; 0: none."""
-        return self._frames_to_persist
 
     def told(self) -> str:
         """Return how far a search has come, for an explanation."""
@@ -213,8 +206,8 @@ class Connector:
             turns = np.round((trees.route[i] - q[i - 1]) / (2.0 * np.pi))
             q[i] = trees.route[i] - 2.0 * np.pi * turns * self.frame.robot.continuous
         found.ref[k, : n - 1] = NO_ITEM
-        self._lacks_cells = attacher.can_wait_for_cells
-        if not self._lacks_cells:
+        self.lacks_cells = attacher.can_wait_for_cells
+        if not self.lacks_cells:
             first = attacher.sweep(q[:-1], np.diff(q, axis=0))
             found.ref[k, : n - 1] = NO_ITEM if first < 0 else first + np.arange(n - 1)
         found.vertex[k, : n - 1] = [attacher.new_vertex() for _ in range(n - 1)]
@@ -224,11 +217,6 @@ class Connector:
         found.next[0] = (k + 1) % len(found.count)
         self._vertices = set(found.vertex.ravel().tolist())
         return True
-
-    @property
-    def lacks_cells(self) -> bool:
-        """Whether the path found last has legs without cells yet; see `sweep_cells`."""
-        return self._lacks_cells
 
     def sweep_cells(self, most: int) -> int:
         """Sweep the cells of up to `most` legs of the path found last; return how many.
@@ -240,14 +228,14 @@ class Connector:
         legs = slice(0, max(0, found.count.item(k) - 1))
         bare = np.flatnonzero(found.ref[k, legs] == NO_ITEM)
         now = bare[:most]
-        self._lacks_cells = len(bare) > len(now)
+        self.lacks_cells = len(bare) > len(now)
         if not len(now):
             return 0
         self.attacher.tidy()
         begin, end = found.q[k, now], found.q[k, now + 1]
         first = self.attacher.sweep(begin, end - begin)
         if first < 0:
-            self._lacks_cells = False
+            self.lacks_cells = False
             return len(now)
         for i, item in zip(now.tolist(), range(first, first + len(now)), strict=True):
             found.ref[k, i] = item
@@ -308,7 +296,7 @@ class Connector:
             "goals": np.frombuffer(self._goals, np.uint8),
             "place": np.frombuffer(self._place, np.uint8),
             "counts": np.array(
-                [self._asked, self.looked, self._frames_to_persist, self._lacks_cells],
+                [self._asked, self.looked, self.frames_to_persist, self.lacks_cells],
                 np.int64,
             ),
         }
@@ -317,8 +305,8 @@ class Connector:
         """Take up trees and paths whose arrays were loaded."""
         self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
         self._place, self.is_new = saved["place"].tobytes(), False
-        self._asked, self.looked, self._frames_to_persist, lacks = saved[
+        self._asked, self.looked, self.frames_to_persist, lacks = saved[
             "counts"
         ].tolist()
-        self._lacks_cells = bool(lacks)
+        self.lacks_cells = bool(lacks)
         self._vertices = set(self.found.vertex.ravel().tolist())

@@ -125,36 +125,18 @@ class ReactivePlanner:
         self.path = path = PathInUse(frame)
         self.candidate = CandidatePath(frame)
         self.candidates = Candidates(frame)
-        self.attacher = attacher = Attacher(
-            frame,
-            path,
-            self.candidate,
-            self.candidates,
-            s.goal_connections,
-            s.start_connections,
-            s.cached_goals,
-        )
+        attacher = Attacher(frame, path, self.candidate, self.candidates, s)
+        self.attacher = attacher
         # what works on it
-        self.decision = Decision(
-            frame,
-            path,
-            attacher,
-            always_replan,
-            s.persistence_frames if s.history_s else 0,
-        )
+        patience = s.persistence_frames if s.history_s else 0
+        self.decision = Decision(frame, path, attacher, always_replan, patience)
         self._shares = shares = ImproveSettings()
         self._improver = Improver(
             frame,
             path,
             self.candidate,
             Cutter(frame, path, self.candidates, attacher, shares),
-            Smoother(
-                frame,
-                self.candidate,
-                attacher,
-                s.smoothing_clearance,
-                s.history_clearance if s.history_s else 0.0,
-            ),
+            Smoother(frame, self.candidate, attacher, s),
             self.decision.join_between,
             shares,
         )
@@ -379,7 +361,7 @@ class ReactivePlanner:
         goals, _ = goals_of(self.robot, [q], None)
         if goals[0] in self.attacher.kept:
             return True
-        self._check_goals(goals)
+        check_valid(self.static, goals[0], "goal 0")
         return self.attacher.prepare(goals[0])
 
     def is_prepared(self, q: np.ndarray) -> bool:
@@ -547,12 +529,7 @@ class ReactivePlanner:
         self._goal = said // _GOAL - 1
 
     def _beyond(
-        self,
-        q: np.ndarray,
-        said: int,
-        begun: int,
-        closed: bool,
-        now: float | None,
+        self, q: np.ndarray, said: int, begun: int, closed: bool, now: float | None
     ) -> Answer:
         """Answer a frame for which the roadmap has no path, or hold.
 
@@ -1014,11 +991,6 @@ class ReactivePlanner:
         self.memory.owner.check()
         return self.frame.cover()
 
-    def _check_goals(self, goals: np.ndarray) -> None:
-        """Raise BadConfiguration where a goal can never be reached in this place."""
-        for k, q in enumerate(goals):
-            check_valid(self.static, q, f"goal {k}")
-
 
 def _scene_changed(
     carrier: Carrier,
@@ -1065,6 +1037,3 @@ def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:
     if a is None or b is None:
         return a is b
     return np.array_equal(a, b)
-
-
-__all__ = ["BadInput", "PlannerSettings", "ReactivePlanner"]

@@ -19,7 +19,7 @@ from odm.frame.frame import Frame
 from odm.planner import _smooth as smoothing
 from odm.planner.attaching import Attacher
 from odm.planner.path import CandidatePath
-from odm.planner.settings import SmoothingSettings
+from odm.planner.settings import PlannerSettings, SmoothingSettings
 from odm.search import _recent as recent
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
@@ -82,10 +82,8 @@ class Smoother:
         frame: The present frame.
         path: The candidate, which is changed.
         attacher: Makes the cells of new legs.
-        smoothing_clearance: Extra clearance that new legs keep where possible [m].
-        history_clearance: What saves much keeps so much more distance from where
-            obstacles have lately been [m]; 0: none.
-        settings: Which changes are worth what.
+        wanted: Extra clearance that new legs keep where possible, and what those that
+            save much keep from where obstacles have lately been.
     """
 
     def __init__(
@@ -93,20 +91,16 @@ class Smoother:
         frame: Frame,
         path: CandidatePath,
         attacher: Attacher,
-        smoothing_clearance: float,
-        history_clearance: float,
-        settings: SmoothingSettings = SmoothingSettings(),
+        wanted: PlannerSettings,
     ) -> None:
         """Begin the order of the changes."""
-        self.settings = settings
+        self.settings = settings = SmoothingSettings()
         self.frame, self.path, self.attacher = frame, path, attacher
-        self.smoothing_clearance, self.history_clearance = (
-            smoothing_clearance,
-            history_clearance,
-        )
+        self.smoothing_clearance = wanted.smoothing_clearance
+        self.history_clearance = wanted.history_clearance if wanted.history_s else 0.0
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
-            self.settings.pace * robot.max_velocity,
+            settings.pace * robot.max_velocity,
             robot.max_acceleration,
             robot.max_jerk,
             joint_motion_bounds(robot),

@@ -17,14 +17,7 @@ import numpy as np
 from numba import njit
 
 from odm.search._invalidation import refresh, tests_worth_refreshing
-from odm.search._items import (
-    BLOCKED,
-    FREE,
-    MAYBE,
-    REFUSED,
-    goal_motion_free,
-    item_free,
-)
+from odm.search._items import BLOCKED, FREE, MAYBE, REFUSED, goal_motion_free, item_free
 from odm.search._judge import goal_motion_clear, start_clear
 from odm.search._paths import take_shortcuts, unwrap
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided

@@ -12,12 +12,7 @@ from odm.obstacles._cloud import (
     N_OUTSIDE,
 )
 from odm.obstacles._occupancy import clear, dilate_points, mark_more, place
-from odm.obstacles._solid_samples import (
-    FINE,
-    lay_patterns,
-    take_solids,
-    write_samples,
-)
+from odm.obstacles._solid_samples import FINE, lay_patterns, take_solids, write_samples
 from odm.search._astar import a_star
 from odm.search._bound import (
     NO_WAY,

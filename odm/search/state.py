@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from odm._groups import check, declared, new
+from odm._groups import block_type, check, declared, new
 from odm.cell_map.cell_map import CellLists, CellMap
 from odm.checks import MAX_GOALS
 from odm.close_test._arm import Arm, make_work
@@ -145,8 +145,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     # a robot off its path by no more than this follows it. That spends nothing of m:
     # from there its first leg is tested with all of m, which the executor then spends
     terms.path_tolerance[0] = safety.tracking + safety.blending
-    wide = cells.n_blocks > 65535
-    block = np.zeros(sizes["item_entries"], np.uint32 if wide else np.uint16)
+    block = np.zeros(sizes["item_entries"], block_type(cells.n_blocks))
     groups = {
         "arm": arm,
         "work": make_work(len(arm.spheres), len(robot.tree_i), dof),

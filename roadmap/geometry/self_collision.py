@@ -130,9 +130,7 @@ def configuration_free(
 
 
 def with_pairs(
-    robot: Robot,
-    adjacent: set[frozenset[str]],
-    disabled: dict[frozenset[str], str],
+    robot: Robot, adjacent: set[frozenset[str]], disabled: dict[frozenset[str], str]
 ) -> Robot:
     """Return the robot with its pairs chosen; whatever is dropped has a reason.
 

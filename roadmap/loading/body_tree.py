@@ -55,11 +55,7 @@ def build_tree(
         BadRobot: No joint moves, `locked` names a joint or value that cannot be, or a
             given limit is none.
     """
-    drives = {
-        j.name: drive(description, j)
-        for j in description.joints.values()
-        if j.kind in MOVABLE
-    }
+    drives = _drives(description)
     _check_locked(description, drives, locked)
     limits = {name: _limits(description.joints[name]) for name, _, _ in drives.values()}
     moving = _moving(description, tip, drives, locked, limits)
@@ -96,12 +92,7 @@ def bodies_of(
         BadRobot: `locked` names a joint or value that cannot be, or one that moves is
             no driving joint.
     """
-    drives = {
-        j.name: drive(description, j)
-        for j in description.joints.values()
-        if j.kind in MOVABLE
-    }
-    moving = list(moving)
+    drives, moving = _drives(description), list(moving)
     _check_locked(description, drives, locked)
     drivers = {name for name, _, _ in drives.values()}
     for name in moving:
@@ -176,20 +167,23 @@ def standing_values(
     Where they are locked, else at 0 clipped into their limits.
     """
     values = {}
-    for joint in description.joints.values():
-        if joint.kind in MOVABLE:
-            name = drive(description, joint)[0]
-            if name not in moving and name not in values:
-                rest = np.clip(0.0, *_limits(description.joints[name]))
-                values[name] = float(locked.get(name, rest))
+    for name, _, _ in _drives(description).values():
+        if name not in moving and name not in values:
+            rest = np.clip(0.0, *_limits(description.joints[name]))
+            values[name] = float(locked.get(name, rest))
     return values
 
 
 def driven_by(description: Description, name: str) -> list[tuple[str, float, float]]:
     """Return (joint, factor, offset) of `name` and of all that follow it."""
-    joints = [j for j in description.joints.values() if j.kind in MOVABLE]
-    rows = [(joint.name, *drive(description, joint)) for joint in joints]
-    return [(own, f, o) for own, driver, f, o in rows if driver == name]
+    rows = _drives(description).items()
+    return [(own, f, o) for own, (driver, f, o) in rows if driver == name]
+
+
+def _drives(description: Description) -> dict[str, tuple[str, float, float]]:
+    """Return by joint that can move what drives it; see `drive`."""
+    joints = description.joints.values()
+    return {j.name: drive(description, j) for j in joints if j.kind in MOVABLE}
 
 
 def link_poses(

@@ -30,7 +30,7 @@ def quickest_stop(path: BlendedPath, profile: SpeedProfile, t: float) -> SpeedPr
         if not path.pieces or builder.state.s <= path.pieces[path.index_of(begin)].end:
             break
     if found:
-        return min(found, key=_duration).profile()
+        return min(found, key=lambda builder: builder.t).profile()
     builder = ProfileBuilder(begin)
     builder.finish(profile, t)
     return builder.profile()
@@ -113,7 +113,3 @@ def _enters(
         if v > (1.0 + 1e-9) * fastest or abs(a) > (1.0 + 1e-9) * most:
             return False
     return True
-
-
-def _duration(builder: ProfileBuilder) -> float:
-    return builder.t

@@ -19,6 +19,7 @@ from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.static import StaticTest, always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import parse_scenery
+from roadmap.chunks import Threads
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
@@ -212,9 +213,10 @@ def _row(
     grid = grid_for(robot, safety.h, safety.rho + safety.m + safety.mu + 1e-3)
     scenery = parse_scenery(recipe.scenery, recipe.folder)
     raw = CellMap(robot, little, grid, recipe, None, scenery)
-    sweep_roadmap(robot, raw.arm, _head(little), grid, safety, 1)
+    one = Threads(1)
+    sweep_roadmap(robot, raw.arm, _head(little), grid, safety, one)
     begun = time.perf_counter()
-    cells = sweep_roadmap(robot, raw.arm, little, grid, safety, 1)
+    cells = sweep_roadmap(robot, raw.arm, little, grid, safety, one)
     swept_s = (time.perf_counter() - begun) / (little.n_nodes + little.n_edges)
     sizes = np.diff(cells.start[:, 1].astype(np.int64))
     n = little.n_nodes

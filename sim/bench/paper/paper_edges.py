@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.sweep import swept_by
@@ -114,7 +115,7 @@ class _Sweeper:
         self._swept = swept_by(arm, radii, cell_map.motion_tolerance, grid)
         self._n_blocks = grid.n_blocks
         self._shares = np.linspace(0.0, 1.0, 2**LEVEL + 1)[:, None]
-        self._type = np.uint16 if grid.n_blocks <= 65535 else np.uint32
+        self._type = block_type(grid.n_blocks)
 
     def samples(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the cells of configurations along a motion, (n, n_blocks)."""

@@ -34,7 +34,7 @@ def machine_on(cell_map, judge):
         @rule(names=st.lists(st.sampled_from(ORDINARY), max_size=3))
         def some_frames_after(self, names):
             for name in names:
-                self.life.happen(name)
+                getattr(self.life, name)()
             self.judged()
 
         @rule(n=st.integers(1, 12))
@@ -86,7 +86,7 @@ def test_each_event_can_happen_at_any_time(carrying_map, judge):
     life = Sequence(carrying_map, 3, judge)
     rng = np.random.default_rng(3)
     for name in rng.permutation(ORDINARY * 3).tolist() + ["come", "grow"]:
-        life.happen(name)
+        getattr(life, name)()
         verdict = life.frame().verdict
         assert verdict is None or not verdict.wrong, (name, verdict.wrong)
 
@@ -98,7 +98,7 @@ def test_what_is_carried_fits_a_box_shaped_envelope_that_is_thin(carrying_map):
     judge = Judge(thin_map)
     for seed in range(8):
         life = Sequence(thin_map, seed, judge)
-        life.happen("hand")
+        life.hand()
         verdict = life.frame().verdict
         assert life.world.held is not None
         assert verdict is None or not verdict.wrong, verdict.wrong

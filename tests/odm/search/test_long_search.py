@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from small import small_recipe
 
 import odm
-from odm.planner.planner import PlannerSettings
+from odm.planner.settings import PlannerSettings
 from odm.search._astar import (
     BOUND_BY_LAST_AFTER,
     GREED,

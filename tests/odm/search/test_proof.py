@@ -7,7 +7,7 @@ import pytest
 from small import small_recipe
 
 import odm
-from odm.planner.planner import PlannerSettings
+from odm.planner.settings import PlannerSettings
 from odm.search._bound import NEARLY
 from roadmap.kinematics.forward import tool_pose
 

@@ -6,7 +6,7 @@ from scipy.sparse.csgraph import dijkstra
 from small import draw_arm, draw_valid
 
 import odm
-from odm.planner.planner import PlannerSettings
+from odm.planner.settings import PlannerSettings
 
 
 def free_length(planner, points, a, b):
