@@ -140,6 +140,8 @@ class Frame:
         self._copies_q, self._dof = False, cell_map.robot.dof
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
+        # shapes and classes of the frame that was checked last
+        self._told: tuple[Obstacles | None, np.ndarray | None] = None, None
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
         # two buffers: the points of an earlier frame may be kept for the watch
         self._buffers = [np.empty((point_capacity, 3)) for _ in range(2)]
@@ -176,7 +178,9 @@ class Frame:
         covering_radius: float | None,
         classes: np.ndarray | None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return a frame's points and q as compiled loops take them; keep the classes.
+        """Return a frame's points and q as compiled loops take them.
+
+        Its shapes and classes wait for `take`: what was refused is no frame.
 
         Raises:
             BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
@@ -207,8 +211,8 @@ class Frame:
             self._points_view = points[:]
         points = self._points_view
         q = self.asked(q, dq)
-        self.classes = None if classes is None else check_classes(classes, len(points))
-        self.obstacles = obstacles
+        classes = None if classes is None else check_classes(classes, len(points))
+        self._told = obstacles, classes
         return points, q
 
     def asked(self, q: np.ndarray, dq: np.ndarray | None = None) -> np.ndarray:
@@ -240,7 +244,17 @@ class Frame:
         `trouble` says whether they can be used. Where they can, no time was given and
         `q` is, the frame is answered from there in the same compiled call: returns what
         `respond` says, else NOT_ASKED (`odm/search/_step.py`).
+
+        Raises:
+            BadInput: The rounding, or a mesh that is too large to be sampled; the last
+                frame stays.
         """
+        if rounding is not None:
+            check_number("rounding in m", rounding, 0.0, np.inf)
+        obstacles, classes = self._told
+        if obstacles is not None and obstacles is not self._known:
+            self._know(obstacles)
+        self.obstacles, self.classes = obstacles, classes
         if stamp is not None or now is not None or self._unfit is not None:
             q = None
         plain = covering_radius is None and rounding is None
@@ -250,8 +264,6 @@ class Frame:
         self.n_given = len(points)
         if self.obstacles is None:
             return self._take_points(points, stamp, now, q)
-        if self.obstacles is not self._known:
-            self._know(self.obstacles)
         if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
         return self._take_shapes(points, stamp, now, q)
@@ -528,8 +540,6 @@ class Frame:
 
     def set_sampling(self, sampled: tuple[float | None, float | None]) -> None:
         """Let the close test's radii follow how the points were `sampled`."""
-        if sampled[1] is not None:
-            check_number("rounding in m", sampled[1], 0.0, np.inf)
         self.sampled = sampled
         m = self.cell_map.safety.m + self.extra
         balls = self.memory.arm.spheres[:, 3] + m

@@ -214,6 +214,8 @@ def _proved(spheres: np.ndarray, solids: list[Solid]) -> tuple[np.ndarray, np.nd
     stack, where, worst = np.empty((50_000, 6)), np.empty(3), [np.empty((0, 3))]
     squares, bound = spheres[:, 3] ** 2, 0.0
     for solid in solids:
+        if _is_held(solid, spheres):
+            continue
         power = kernels.worst_power(
             _region(solid), spheres, squares, _POWER_TOLERANCE, stack, where
         )
@@ -227,6 +229,17 @@ def _proved(spheres: np.ndarray, solids: list[Solid]) -> tuple[np.ndarray, np.nd
         bound = max(bound, power)
     radii = np.sqrt(squares + bound) + _ROUNDING
     return np.hstack([spheres[:, :3], radii[:, None]]), np.vstack(worst)
+
+
+def _is_held(solid: Solid, spheres: np.ndarray) -> bool:
+    """Return True if a solid is a sphere that lies in one of the spheres.
+
+    Boxes would have to be cut down to the tolerance all over its surface.
+    """
+    if solid.kind != SPHERE:
+        return False
+    far = np.linalg.norm(spheres[:, :3] - solid.T_body_solid[:3, 3], axis=1)
+    return bool((far + solid.size[0] <= spheres[:, 3]).any())
 
 
 def _needed(spheres, solids: list[Solid], samples: np.ndarray) -> np.ndarray:

@@ -267,6 +267,27 @@ def test_bad_classes_are_refused(planner, classes, words):
     planner.step(points, Q, classes=np.ones(24, np.uint8))
 
 
+def test_a_frame_that_was_refused_leaves_the_classes_of_the_last_one(planner):
+    planner.attach(HELD)
+    row = np.array([[*ball(planner, 0.07).T_base_shape[:3, 3], 0.03]])
+    corners = 30.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    wall = odm.Mesh.hull_of(corners, np.eye(4))  # too large to be sampled
+    told = {"classes": {"spheres": [odm.CONTACT]}}
+    planner.step(odm.Obstacles(spheres=row), Q)
+    for bad, rounding in [
+        (odm.Obstacles(spheres=row, **told), -1.0),
+        (odm.Obstacles(spheres=row, meshes=[wall], **told), None),
+    ]:
+        with pytest.raises(BadInput, match="rounding|mesh"):
+            planner.step(bad, Q, rounding=rounding)
+        assert not planner.is_free(Q, Q, phase="give")
+    points = odm.surface_of(ball(planner, 0.07), SPACING).points
+    planner.step(points, Q)
+    with pytest.raises(BadInput, match="rounding"):
+        planner.step(points[:2], Q, rounding=-1.0, classes=np.full(2, odm.CONTACT))
+    assert not planner.is_free(Q, Q, phase="give")
+
+
 def test_a_phase_that_cannot_be_is_refused(cell_map, planner):
     with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
         planner.is_free(Q, Q, phase="take")

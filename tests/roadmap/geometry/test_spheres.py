@@ -105,6 +105,24 @@ def test_several_solids_of_a_link_share_their_spheres(rng):
         assert uncovered(inner_points(solid, 3000, rng), spheres) <= 0
 
 
+def test_a_ball_apart_from_the_rest_of_its_link_needs_no_search(rng, monkeypatch):
+    bar = Solid(BOX, 0, np.eye(4), (0.1, 0.08, 0.2), NO_POINTS)
+    T = np.eye(4)
+    T[2, 3] = 0.3
+    ball = Solid(SPHERE, 0, T, (0.05, 0.0, 0.0), NO_POINTS)
+    searched, search = [], kernels.worst_power
+
+    def told(region, *rest):
+        searched.append(len(region[0]))  # a ball has no faces; it would take minutes
+        return search(region, *rest) if searched[-1] else -1.0
+
+    monkeypatch.setattr(kernels, "worst_power", told)
+    spheres = cover_solids([bar, ball], 0.015)
+    assert set(searched) == {6}
+    for solid in (bar, ball):
+        assert uncovered(inner_points(solid, 3000, rng), spheres) <= 0
+
+
 def test_a_thin_plate_is_covered_on_both_sides(rng):
     plate = Solid(BOX, 0, np.eye(4), (0.2, 0.15, 0.0005), NO_POINTS)
     spheres = cover_solids([plate], 0.02)
