@@ -50,7 +50,7 @@ from sim.story.grasping import (
 )
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
-from sim.story.pull import PullDetector
+from sim.story.pull import PullDetector, carried_force
 from sim.story.settings import (
     AT_PLACE,
     HELD_AT_PLACE,
@@ -504,11 +504,14 @@ class Handover:
         """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
         moving = _most(point.dq) > self.conduct.stands
-        if frame.wrench is not None:
-            # what was taken has a weight; its giver may pull from the first moment on
-            taken = self.holding and self.state == table.CLOSE
-            more = GRAVITY * self._obj.mass_kg if taken else 0.0
-            self._pull.feel(frame.wrench, seen.dt, moving, more)
+        # what was taken has a weight; its giver may pull from the first moment on
+        taken = self.holding and self.state == table.CLOSE
+        more = GRAVITY * self._obj.mass_kg if taken else 0.0
+        own = None
+        if self._give and self.holding:
+            told = point, self._T_tool_object, self._obj.mass_kg
+            own = carried_force(self.planner.robot, *told)
+        self._pull.feel(frame.wrench, seen.dt, moving, more, own)
         passed = self._now - self.machine.since
         if self.executor.state in (SLOWED, BRAKED):
             self._hindered_s += seen.dt

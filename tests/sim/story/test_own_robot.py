@@ -1176,3 +1176,16 @@ def test_without_a_force_at_the_wrist_it_is_told_that_no_pull_could_be_felt(
     assert first.state == PUT_DOWN and first.failure
     assert first.signal == ("late" if measured else "unfelt")
     assert ("no force at the wrist" in first.reason) == (not measured)
+
+
+def test_two_pulls_between_which_no_force_is_measured_are_not_one(maps):
+    story, human = story_of(maps)
+    story.machine = Machine(TABLES["give"], "wait")
+    story._enter()
+    for k in range(80):
+        wrench = pulled(12.0 if k >= 20 else 0.0)
+        wrench = None if 40 <= k < 65 else wrench
+        told = dict(opened=False, holds=True, wrench=wrench)
+        story.update(sim.StoryFrame(PERIOD * k, human, **told))
+        assert k < 40 or wrench is not None or not story._pull.pulls
+    assert not story.events
