@@ -60,6 +60,7 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
+_HANDS = [labels[0] for labels in ARM_LABELS.values()]
 
 
 class Command(NamedTuple):
@@ -520,7 +521,7 @@ class Handover:
         limit = limits.get(self.state, s.wait_s)
         checks = {
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
-            "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
+            "pulled": self._pull.pulled and self._may_be_theirs(seen, moving),
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
             "near": self._hand_comes(seen.hand_gap),
             "gone": self._lasts(
@@ -541,7 +542,9 @@ class Handover:
         over = self._at >= len(self._steps) and self.executor.at_rest
         ended = over or passed > limit
         gripped = self.holding and frame.holds
-        unpulled = gripped and not self._pull.pulls
+        far = gripped and self._pull.pulls and self._is_far(seen)
+        left = self._lasts("left_it", far, seen.dt, self.conduct.gone_s)
+        unpulled = gripped and (left or not self._pull.pulls)
         empty = self.fingers == CLOSED and not frame.holds and not self.holding
         checks |= {
             "held": over and gripped,
@@ -573,6 +576,21 @@ class Handover:
         if self._give:
             return self.targets.pursuit.key is not None
         return self._taken is not None
+
+    def _may_be_theirs(self, seen: _Seen, moving: bool) -> bool:
+        """Whether a pull that lasted may be what the robot waits for, where it waits.
+
+        Not while it still moves; and not where no hand of the person is about.
+        """
+        return self.state != table.WAIT or not (moving or self._is_far(seen))
+
+    def _is_far(self, seen: _Seen) -> bool:
+        """Whether both hands are known to be so far from the object as to have gone."""
+        rows, labels = seen.whole[2:4]
+        obj, hands = self._object_rows(seen.frame), np.isin(labels, _HANDS)
+        if obj is None or not hands.any():
+            return False
+        return bool(_gap(rows[hands], obj) > self.settings.gone)
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""

@@ -447,8 +447,22 @@ def test_what_it_let_go_of_may_be_left_and_is_heeded_again_once_it_is_clear(maps
         assert story.view.offered == rods == len(seen.there) - seen.people
 
 
+@pytest.mark.parametrize("about", [False, True])
+def test_a_pull_where_no_hand_is_about_does_not_open_the_fingers(maps, about):
+    """Somebody's hip, or a thing, pushed at what it held: it let go of it."""
+    gone = 2.0 if about else 0.4  # the hands hang 0.6 m away
+    story, human = story_of(maps, wait_s=3.0, gone=gone)
+
+    def look(story, now, opened, closed):
+        force = 0.0 if story.state == "approach" else 12.0
+        return sim.StoryFrame(now, human, pulled(force), opened, holds=not opened)
+
+    states = tell(story, 6.0, look)
+    assert ("release" in states) == about and story.holding is not about
+
+
 def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
-    story, human = story_of(maps)
+    story, human = story_of(maps, gone=2.0)
     tugs = []
 
     def look(story, now, opened, closed):
@@ -743,9 +757,20 @@ def test_a_giver_who_holds_on_gets_it_back(maps):
     def held_at(story):
         return story.fingers == "closed"
 
-    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0, gone=2.0)
     assert states == ["wait", "close", "retreat", "done"]
     assert story.outcome == "the person holds on: it lets go" and not story.holding
+
+
+def test_what_is_heavier_than_was_told_is_kept_once_its_giver_has_gone(maps):
+    """Its weight was taken for a pull, and it was let go of with nobody there."""
+
+    def held_at(story):
+        return story.fingers == "closed"
+
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
+    assert states[:3] == ["wait", "close", "retreat"] and story.holding
+    assert story.outcome == "handed over"
 
 
 def test_nothing_held_out_in_reach_ends_in_time(maps):
