@@ -18,6 +18,7 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS
 from handover.targets.allowance import Allowance
+from handover.targets.live_targets import BLOCKED as OCCUPIED
 from handover.targets.live_targets import THERE, LiveTargets
 from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
 from odm.cell_map.payload import carried_object
@@ -530,6 +531,7 @@ class Handover:
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
+            "taken_up": passed > limit and self._is_taken_up(),
             "unfelt": passed > limit and not self._pull.felt,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
@@ -568,6 +570,11 @@ class Handover:
     def _is_beset(self, passed: float) -> bool:
         """Whether the person blocked the places for most of `passed` [s]."""
         return self._places.beset or 2.0 * self._hindered_s > passed
+
+    def _is_taken_up(self) -> bool:
+        """Whether places in reach of both are known, and none is free."""
+        pursuit = self.targets.pursuit
+        return pursuit.state == OCCUPIED and pursuit.targets > 0
 
     def _is_under_way(self) -> bool:
         """Whether it is moving to where it can give or take the object."""

@@ -1129,7 +1129,7 @@ def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
         story.update(sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True))
     event = next(e for e in story.events if e.failure)
     hindered = pace != "moving"
-    assert event.signal == ("hindered" if hindered else "late")
+    assert event.signal == ("hindered" if hindered else "taken_up")
     assert ("slowed for the person" in event.reason) == hindered
 
 
@@ -1184,6 +1184,22 @@ def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
         event = next(e for e in story.events if e.failure)
         assert event.signal == ("under_way" if moves else "late")
         assert ("its way took longer" in event.reason) == moves
+
+
+@pytest.mark.parametrize("state", ["blocked", "no target"])
+def test_somebody_who_is_in_reach_and_in_the_way_is_not_said_to_have_stayed_away(
+    maps, monkeypatch, state
+):
+    story, human = story_of(maps, wait_s=0.1)
+    told = replace(story.targets.pursuit, state=state, targets=state == "blocked")
+    story.targets.pursuit = told
+    monkeypatch.setattr(story.targets, "note", lambda *_: None)
+    for k in range(20):
+        seen = human, pulled(0.0), False, True
+        story.update(sim.StoryFrame(PERIOD * k, *seen))
+    event = next(e for e in story.events if e.failure)
+    assert event.signal == ("taken_up" if state == "blocked" else "late")
+    assert ("nobody came" in event.reason) == (state != "blocked")
 
 
 @pytest.mark.parametrize("wrench", [None, np.full(6, np.nan), np.zeros(6)])
