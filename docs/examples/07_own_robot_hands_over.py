@@ -25,7 +25,7 @@ def main(cell_map: odm.CellMap, reach: handover.ReachMap) -> sim.Handover:
     """Let somebody pull at what is held out, and tell what happened."""
     pads = odm.PlannerSettings(finger_pads=PADS)
     planner = odm.ReactivePlanner(cell_map, settings=pads)
-    human = handover.Human().placed(0.9, 0.0, np.pi)  # your tracker, every frame
+    human = handover.Human().placed(0.9, 0.0, np.pi)
     down = pose_of((0.0, 0.0, -0.75), (0.0, 0.0, 0.0))
     human = human.moved(down @ human.T_world_pelvis)  # below the base, on the floor
     grid = handover.MeetSettings(cell=0.2, rotations=72)
@@ -42,7 +42,9 @@ def main(cell_map: odm.CellMap, reach: handover.ReachMap) -> sim.Handover:
     for k in range(3000):
         pull = 12.0 if story.state in ("present", "wait", "release") else 0.0
         wrench = np.array([pull, 0.0, -2.5, 0.0, 0.0, 0.0])  # your sensor
-        seen = sim.StoryFrame(0.01 * k, human, wrench, opened, holds=not opened)
+        arm = np.array(meet.best(1)[0].arm_q) if pull else human.arms["right"]
+        there = human.with_arm("right", arm)  # your tracker's: it takes what is held
+        seen = sim.StoryFrame(0.01 * k, there, wrench, opened, holds=not opened)
         command = story.update(seen)  # send command.q and command.fingers
         opened = command.fingers == "open"
         for event in story.events[shown:]:

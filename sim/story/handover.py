@@ -18,6 +18,7 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS
 from handover.targets.allowance import Allowance
+from handover.targets.live_targets import BLOCKED as OCCUPIED
 from handover.targets.live_targets import THERE, LiveTargets
 from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
 from odm.cell_map.payload import carried_object
@@ -50,7 +51,7 @@ from sim.story.grasping import (
 )
 from sim.story.machine import Machine, StoryEvent
 from sim.story.phase import PhasePlanner
-from sim.story.pull import PullDetector
+from sim.story.pull import PullDetector, carried_force
 from sim.story.settings import (
     AT_PLACE,
     HELD_AT_PLACE,
@@ -60,6 +61,7 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
+_HANDS = [labels[0] for labels in ARM_LABELS.values()]
 
 
 class Command(NamedTuple):
@@ -503,11 +505,14 @@ class Handover:
         """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
         moving = _most(point.dq) > self.conduct.stands
-        if frame.wrench is not None:
-            # what was taken has a weight; its giver may pull from the first moment on
-            taken = self.holding and self.state == table.CLOSE
-            more = GRAVITY * self._obj.mass_kg if taken else 0.0
-            self._pull.feel(frame.wrench, seen.dt, moving, more)
+        # what was taken has a weight; its giver may pull from the first moment on
+        taken = self.holding and self.state == table.CLOSE
+        more = GRAVITY * self._obj.mass_kg if taken else 0.0
+        own = None
+        if self._give and self.holding:
+            told = point, self._T_tool_object, self._obj.mass_kg
+            own = carried_force(self.planner.robot, *told)
+        self._pull.feel(frame.wrench, seen.dt, moving, more, own)
         passed = self._now - self.machine.since
         if self.executor.state in (SLOWED, BRAKED):
             self._hindered_s += seen.dt
@@ -516,7 +521,7 @@ class Handover:
         limit = limits.get(self.state, s.wait_s)
         checks = {
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
-            "pulled": self._pull.pulled and not (self.state == table.WAIT and moving),
+            "pulled": self._pull.pulled and self._may_be_theirs(seen, moving),
             "slack": not self._pull.pulls and frame.holds and not frame.opened,
             "near": self._hand_comes(seen.hand_gap),
             "gone": self._lasts(
@@ -525,6 +530,7 @@ class Handover:
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
+            "taken_up": passed > limit and self._is_taken_up(),
             "unfelt": passed > limit and not self._pull.felt,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
@@ -537,7 +543,9 @@ class Handover:
         over = self._at >= len(self._steps) and self.executor.at_rest
         ended = over or passed > limit
         gripped = self.holding and frame.holds
-        unpulled = gripped and not self._pull.pulls
+        far = gripped and self._pull.pulls and self._is_far(seen)
+        left = self._lasts("left_it", far, seen.dt, self.conduct.gone_s)
+        unpulled = gripped and (left or not self._pull.pulls)
         empty = self.fingers == CLOSED and not frame.holds and not self.holding
         checks |= {
             "held": over and gripped,
@@ -562,6 +570,11 @@ class Handover:
         """Whether the person blocked the places for most of `passed` [s]."""
         return self._places.beset or 2.0 * self._hindered_s > passed
 
+    def _is_taken_up(self) -> bool:
+        """Whether places in reach of both are known, and none is free."""
+        pursuit = self.targets.pursuit
+        return pursuit.state == OCCUPIED and pursuit.targets > 0
+
     def _is_under_way(self) -> bool:
         """Whether it is moving to where it can give or take the object."""
         if self.executor.at_rest:
@@ -569,6 +582,21 @@ class Handover:
         if self._give:
             return self.targets.pursuit.key is not None
         return self._taken is not None
+
+    def _may_be_theirs(self, seen: _Seen, moving: bool) -> bool:
+        """Whether a pull that lasted may be what the robot waits for, where it waits.
+
+        Not while it still moves; and not where no hand of the person is about.
+        """
+        return self.state != table.WAIT or not (moving or self._is_far(seen))
+
+    def _is_far(self, seen: _Seen) -> bool:
+        """Whether both hands are known to be so far from the object as to have gone."""
+        rows, labels = seen.whole[2:4]
+        obj, hands = self._object_rows(seen.frame), np.isin(labels, _HANDS)
+        if obj is None or not hands.any():
+            return False
+        return bool(_gap(rows[hands], obj) > self.settings.gone)
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""

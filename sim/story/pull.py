@@ -15,7 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roadmap.kinematics.forward import tool_pose
+from roadmap.motion.motion import SetPoint
 from roadmap.ranges import check_settings
+from roadmap.robot.robot import Robot
+from sim.story.wrist import GRAVITY
+
+_H = 1e-3  # [s] of the differences that tell an acceleration
 
 
 @dataclass(frozen=True)
@@ -85,26 +91,35 @@ class PullDetector:
         self.lasted, self.felt = 0.0, False
 
     def feel(
-        self, wrench: np.ndarray, dt: float, moving: bool = False, more: float = 0.0
+        self,
+        wrench: np.ndarray | None,
+        dt: float,
+        moving: bool = False,
+        more: float = 0.0,
+        own: np.ndarray | None = None,
     ) -> None:
         """Take one measurement.
 
         Args:
             wrench: (6,) force [N] and torque [N m] at the wrist, in any frame that is
-                the same from call to call. What is not finite is no pull: a sensor
-                that fails never opens the hand.
+                the same from call to call. What is not finite is no pull, nor is None:
+                a sensor that fails never opens the hand.
             dt: Time since the one before [s].
             moving: Whether the robot moves: what its own motion adds is no pull
                 unless it is three times as strong.
             more: So much more counts as no pull [N]: the weight of what has just come
                 into the hand.
+            own: (3,) force of what is held, by its mass and the robot's motion, turned
+                with the hand [N]; None: not known. A force no larger than what this
+                differs from its own value at rest is the robot's doing, and no pull.
         """
         wrench = np.asarray(wrench, float)
         if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
             self.force, self.lasted = 0.0, 0.0
             return
         s, self.felt = self.settings, True
-        self._recent.append((dt, wrench[:3].copy()))
+        known = np.zeros(3) if own is None else own
+        self._recent.append((dt, np.concatenate((wrench[:3], known))))
         kept = sum(passed for passed, _ in self._recent)
         while len(self._recent) > 1 and kept - self._recent[0][0] >= s.window_s - 1e-9:
             kept -= self._recent.popleft()[0]
@@ -112,10 +127,29 @@ class PullDetector:
         if self._rest is None:
             self._rest = mean
         off = mean - self._rest
-        self.force = math.sqrt(off @ off)
-        if self.force >= more + s.force * (3.0 if moving else 1.0):
+        self.force, added = math.hypot(*off[:3].tolist()), math.hypot(*off[3:].tolist())
+        if self.force >= more + added + s.force * (3.0 if moving else 1.0):
             self.lasted += dt
             return
         self.lasted = 0.0
-        follows = min(1.0, dt / (0.1 * s.rest_s if moving else s.rest_s))
+        quick = moving or added > s.force
+        follows = min(1.0, dt / (0.1 * s.rest_s if quick else s.rest_s))
         self._rest = self._rest + follows * off
+
+
+def carried_force(
+    robot: Robot, point: SetPoint, T_tool_object: np.ndarray, mass_kg: float
+) -> np.ndarray:
+    """Return (3,) the force of what is held on the hand, tool frame [N].
+
+    Its weight, and what the motion at a set-point adds to that.
+    """
+    pull = np.array([0.0, 0.0, GRAVITY])
+    T = tool_pose(robot, point.q)
+    if point.dq.any() or point.ddq.any():
+        bend = 0.5 * _H * _H * point.ddq
+        ways = (bend + _H * point.dq, bend - _H * point.dq)
+        places = [tool_pose(robot, point.q + way) @ T_tool_object[:, 3] for way in ways]
+        off = places[0] + places[1] - 2.0 * (T @ T_tool_object[:, 3])
+        pull += off[:3] / (_H * _H)
+    return -mass_kg * (T[:3, :3].T @ pull)

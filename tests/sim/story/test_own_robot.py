@@ -447,8 +447,22 @@ def test_what_it_let_go_of_may_be_left_and_is_heeded_again_once_it_is_clear(maps
         assert story.view.offered == rods == len(seen.there) - seen.people
 
 
+@pytest.mark.parametrize("about", [False, True])
+def test_a_pull_where_no_hand_is_about_does_not_open_the_fingers(maps, about):
+    """Somebody's hip, or a thing, pushed at what it held: it let go of it."""
+    gone = 2.0 if about else 0.4  # the hands hang 0.6 m away
+    story, human = story_of(maps, wait_s=3.0, gone=gone)
+
+    def look(story, now, opened, closed):
+        force = 0.0 if story.state == "approach" else 12.0
+        return sim.StoryFrame(now, human, pulled(force), opened, holds=not opened)
+
+    states = tell(story, 6.0, look)
+    assert ("release" in states) == about and story.holding is not about
+
+
 def test_a_hand_that_lets_go_as_the_fingers_open_is_held_on_to(maps):
-    story, human = story_of(maps)
+    story, human = story_of(maps, gone=2.0)
     tugs = []
 
     def look(story, now, opened, closed):
@@ -743,9 +757,20 @@ def test_a_giver_who_holds_on_gets_it_back(maps):
     def held_at(story):
         return story.fingers == "closed"
 
-    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0, gone=2.0)
     assert states == ["wait", "close", "retreat", "done"]
     assert story.outcome == "the person holds on: it lets go" and not story.holding
+
+
+def test_what_is_heavier_than_was_told_is_kept_once_its_giver_has_gone(maps):
+    """Its weight was taken for a pull, and it was let go of with nobody there."""
+
+    def held_at(story):
+        return story.fingers == "closed"
+
+    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0)
+    assert states[:3] == ["wait", "close", "retreat"] and story.holding
+    assert story.outcome == "handed over"
 
 
 def test_nothing_held_out_in_reach_ends_in_time(maps):
@@ -1104,7 +1129,7 @@ def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
         story.update(sim.StoryFrame(PERIOD * k, human, pulled(0.0), False, True))
     event = next(e for e in story.events if e.failure)
     hindered = pace != "moving"
-    assert event.signal == ("hindered" if hindered else "late")
+    assert event.signal == ("hindered" if hindered else "taken_up")
     assert ("slowed for the person" in event.reason) == hindered
 
 
@@ -1161,6 +1186,22 @@ def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
         assert ("its way took longer" in event.reason) == moves
 
 
+@pytest.mark.parametrize("state", ["blocked", "no target"])
+def test_somebody_who_is_in_reach_and_in_the_way_is_not_said_to_have_stayed_away(
+    maps, monkeypatch, state
+):
+    story, human = story_of(maps, wait_s=0.1)
+    told = replace(story.targets.pursuit, state=state, targets=state == "blocked")
+    story.targets.pursuit = told
+    monkeypatch.setattr(story.targets, "note", lambda *_: None)
+    for k in range(20):
+        seen = human, pulled(0.0), False, True
+        story.update(sim.StoryFrame(PERIOD * k, *seen))
+    event = next(e for e in story.events if e.failure)
+    assert event.signal == ("taken_up" if state == "blocked" else "late")
+    assert ("nobody came" in event.reason) == (state != "blocked")
+
+
 @pytest.mark.parametrize("wrench", [None, np.full(6, np.nan), np.zeros(6)])
 def test_without_a_force_at_the_wrist_it_is_told_that_no_pull_could_be_felt(
     maps, wrench
@@ -1176,3 +1217,16 @@ def test_without_a_force_at_the_wrist_it_is_told_that_no_pull_could_be_felt(
     assert first.state == PUT_DOWN and first.failure
     assert first.signal == ("late" if measured else "unfelt")
     assert ("no force at the wrist" in first.reason) == (not measured)
+
+
+def test_two_pulls_between_which_no_force_is_measured_are_not_one(maps):
+    story, human = story_of(maps)
+    story.machine = Machine(TABLES["give"], "wait")
+    story._enter()
+    for k in range(80):
+        wrench = pulled(12.0 if k >= 20 else 0.0)
+        wrench = None if 40 <= k < 65 else wrench
+        told = dict(opened=False, holds=True, wrench=wrench)
+        story.update(sim.StoryFrame(PERIOD * k, human, **told))
+        assert k < 40 or wrench is not None or not story._pull.pulls
+    assert not story.events

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.story.pull import PullDetector, PullSettings
+from roadmap import load_robot
+from roadmap.kinematics.forward import tool_pose
+from roadmap.motion.motion import time_path
+from sim.story.pull import PullDetector, PullSettings, carried_force
 from sim.story.wrist import PlainWrist, SimulatedWrist, person_force
 
 DT = 0.01
@@ -59,6 +62,46 @@ def test_a_robot_that_moves_feels_only_what_is_three_times_as_strong():
     forces = np.vstack([still(50), pulled(60, 9.0)])
     assert not feel(PullDetector(), forces, moving=True).any()
     assert feel(PullDetector(), np.vstack([still(50), pulled(60, 20.0)])).any()
+
+
+def turned(kg):
+    """Return the force of a mass in a hand that turns, and stops hard, (n, 3)."""
+    angle = np.concatenate([np.zeros(50), np.linspace(0.0, 1.2, 60), np.full(90, 1.2)])
+    forces = 9.81 * np.column_stack([np.sin(angle), 0.0 * angle, -np.cos(angle)])
+    forces[50:75] += [6.0, 0.0, 0.0]
+    forces[95:110] -= [10.0, 0.0, 0.0]
+    return kg * forces
+
+
+@pytest.mark.parametrize("kg", [3.0, 8.0])
+def test_what_a_heavy_object_adds_as_the_robot_moves_is_no_pull(kg):
+    """It had opened the hand, with nobody there."""
+    forces, rng = turned(kg), np.random.default_rng(5)
+    for known in (False, True):
+        detector, told = PullDetector(), []
+        for k, force in enumerate(np.vstack([forces, forces[-1:].repeat(90, axis=0)])):
+            pull = 10.0 if k >= 230 else 0.0
+            wrench = np.concatenate([force + [0.0, pull, 0.0], np.zeros(3)])
+            own = force if known else None
+            detector.feel(wrench + rng.normal(0, 0.5, 6), DT, 50 <= k < 110, own=own)
+            told.append(detector.pulled)
+        assert any(told[:230]) is not known
+    assert told[-1] and 250 <= told.index(True) <= 265
+
+
+def test_the_force_of_what_is_held_is_its_weight_and_what_moving_it_takes():
+    robot = load_robot("plain_arm")
+    T = np.array([[0, 0, 1, 0.1], [0, 1, 0, 0], [-1, 0, 0, 0.2], [0, 0, 0, 1.0]])
+    middle, half = 0.5 * (robot.lower + robot.upper), robot.upper - robot.lower
+    motion = time_path(robot, np.array([middle - 0.1 * half, middle + 0.1 * half]))
+    for t in (0.1, 0.3 * motion.duration, motion.duration + 1.0):
+        point = motion.at(t)
+        q = [motion.at(t + d).q for d in (-2e-3, 0.0, 2e-3)]
+        p = [(tool_pose(robot, row) @ T)[:3, 3] for row in q]
+        gone = (p[0] + p[2] - 2.0 * p[1]) / 4e-6
+        R = tool_pose(robot, point.q)[:3, :3]
+        force = -1.5 * R.T @ (gone + [0.0, 0.0, 9.81])
+        assert np.abs(carried_force(robot, point, T, 1.5) - force).max() < 0.3
 
 
 @pytest.mark.parametrize("broken", [np.nan, np.inf])
