@@ -94,9 +94,10 @@ class Reasons:
         gap, keep, link, what, point = frame.nearest(self.q)
         if gap < keep:
             text = (
-                f"the start is in contact: {what} is {_less(gap, keep)} from {link}, "
-                f"closer than {in_cm(keep)}; move it {_more(keep - gap)} away, or "
-                "let the robot get out of its way (answer.retreat)"
+                f"the start is in contact: {what} is {_less(gap, keep)} from the "
+                f"cover of {link}, closer than {in_cm(keep)}; move it "
+                f"{_more(keep - gap)} away, or let the robot get out of its way "
+                "(answer.retreat)"
             )
             return text, self._around(self.q, link, point, None)
         refused = self._goals_refused()
@@ -107,8 +108,9 @@ class Reasons:
         if len(blocked) == len(rows):
             gap, keep, link, what, point = rows[0]
             text = (
-                f"goal 0 is blocked: {what} would be {_less(gap, keep)} from {link} "
-                f"there, closer than {in_cm(keep)}; move it {_more(keep - gap)} away"
+                f"goal 0 is blocked: {what} would be {_less(gap, keep)} from the "
+                f"cover of {link} there, closer than {in_cm(keep)}; move it "
+                f"{_more(keep - gap)} away"
             )
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
@@ -120,17 +122,17 @@ class Reasons:
             gap, _, link, what, point = rows[g]
         place = f"goal {g}" if at_goal else "the start"
         left = self._waiting()
-        lead, when = f"no free path leads to goal {g}", ""
+        lead, when = f"no free path to goal {g} was found", ""
         if left:
             lead, when = f"no path to goal {g} stays free", " at times"
         text = (
-            f"{lead}: what is free around {place} is cut off{when} "
-            f"({what} is {in_cm(gap)} from {link} there); move it away, or "
-            "give another goal"
+            f"{lead}: on the roadmap what is free around {place} is cut off{when} "
+            f"({what} is {in_cm(gap)} from the cover of {link} there); move it away, "
+            "or give another goal"
         )
         if what is None:
             text = (
-                f"no free path leads to goal {g} past what stands still; take "
+                f"no free path to goal {g} was found past what stands still; take "
                 "something away, or give another goal"
             )
         if left:

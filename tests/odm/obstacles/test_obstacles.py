@@ -6,8 +6,9 @@ from nearest import to_nearest
 from shapes_drawn import KINDS, draw_shape, draw_shapes, exact_distance
 
 import odm
+from odm.obstacles import mesh_surface
 from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.obstacles import SolidRoom
+from odm.obstacles.obstacles import SolidRoom, hull_of
 from roadmap.errors import BadInput
 
 CAPSULES = np.array([[0.3, 0.0, 0.4, 0.5, 0.1, 0.6, 0.05]])
@@ -74,6 +75,26 @@ def test_samples_of_a_frame_cover_the_surface(kind, planner, rng):
             center = surface + radius * rng.uniform(0.0, 1.0) * normal
             near = to_nearest(center, points)
             assert (near <= radius + rho + 1e-9).all()
+
+
+def test_a_mesh_first_seen_in_a_frame_costs_a_third_and_few_more_points(rng):
+    mesh = odm.Mesh.hull_of(rng.normal(size=(12, 3)) * 0.06, np.eye(4))
+    hull = hull_of(mesh)
+    asked = []
+    choose = mesh_surface.greedy_cover
+
+    def counted(*lists):
+        asked.append(sum(len(one) for one in lists))
+        return choose(*lists)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(mesh_surface, "greedy_cover", counted)
+        points = hull.samples(0.03)
+        more, _ = mesh_surface.sample_closed_mesh(hull.vertices, hull.triangles, 0.03)
+    assert 3 * asked[0] < asked[1]
+    assert len(points) <= 1.25 * len(more)
+    gap = to_nearest(cover_densely(hull.vertices, hull.triangles, 0.003), points)
+    assert gap.max() <= 0.03 + 1e-9
 
 
 def test_the_part_of_a_large_shape_inside_the_grid_is_sampled(planner, rng):

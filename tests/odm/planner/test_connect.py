@@ -215,6 +215,8 @@ def test_an_unsolved_frame_says_how_far_the_search_has_come(small_map):
     answer = planner.step(wall, q=HOME)
     assert answer.status == "holding" and answer.stage is None
     assert "search beyond the roadmap looked at 1" in answer.reason
+    # the roadmap has none, which is no proof that there is none
+    assert answer.reason.startswith("no free path to goal 0 was found: on the roadmap")
     planner.improve(8)
     again = planner.step(wall, q=HOME)
     assert "search beyond the roadmap looked at " in again.reason

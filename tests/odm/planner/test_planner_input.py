@@ -67,6 +67,8 @@ def test_a_start_in_contact_is_named_with_its_link_and_a_retreat(planner):
     answer = planner.step(ball_at([0.3, 0.0, 0.35]), q=HOME)
     assert answer.status == "holding"
     assert "start is in contact" in answer.reason
+    # the links themselves may be farther: a cover sticks out of them
+    assert f"from the cover of {answer.blockers.link}, closer" in answer.reason
     assert answer.blockers.link in ("upper", "lower", "hand")
     assert len(answer.blockers.points) == 1
 
@@ -83,6 +85,7 @@ def test_a_blocked_goal_is_named_with_what_would_help(planner):
     answer = planner.step(ball_at([-0.5, 0.0, 0.25], 0.08), q=HOME)
     assert answer.status == "holding"
     assert answer.reason.startswith("goal 0 is blocked")
+    assert f"from the cover of {answer.blockers.link} there" in answer.reason
     assert "away" in answer.reason
     assert answer.goal is None
 
