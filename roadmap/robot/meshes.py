@@ -21,7 +21,12 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
         BadRobot: The file is in none of these places; names link, file and places.
     """
     folder = urdf.resolve().parent
+    remedy = "correct the file's name, which starts at the folder of the URDF"
     if filename.startswith("package://"):
+        remedy = (
+            "pass package_dirs=[...] or set ROS_PACKAGE_PATH to the folder that holds "
+            "the package"
+        )
         candidates = _in_packages(filename[len("package://") :], folder, package_dirs)
     else:
         plain = filename[len("file://") :] if filename.startswith("file://") else ""
@@ -34,8 +39,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
     places = ", ".join(dict.fromkeys(str(c.parent) for c in candidates[:4]))
     raise BadRobot(
         f"the mesh {filename!r} of link {link!r} is not there (looked in {places}"
-        f"{', ...' if len(candidates) > 4 else ''}); pass package_dirs=[...] or set "
-        "ROS_PACKAGE_PATH to the folder that holds the package"
+        f"{', ...' if len(candidates) > 4 else ''}); {remedy}"
     )
 
 
