@@ -2,6 +2,7 @@
 
 import io
 import os
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -65,15 +66,25 @@ def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray
     except Exception as error:
         raise BadRobot(
             f"the mesh {str(path)!r} of link {link!r} cannot be read: "
-            f"{type(error).__name__}: {error}; export it again as STL, OBJ or DAE"
+            f"{type(error).__name__}: {error}; {_remedy(path)}"
         ) from error
     points = np.asarray(points, float).reshape(-1, 3)
     if len(points) == 0 or not np.isfinite(points).all():
         raise BadRobot(
             f"the mesh {str(path)!r} of link {link!r} holds no finite triangles; "
-            "export it again as STL, OBJ or DAE"
+            f"{_remedy(path)}"
         )
     return points * np.asarray(scale)
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do about a mesh file that holds none."""
+    with suppress(OSError):
+        if path.read_bytes().startswith(b"version https://git-lfs"):
+            return (
+                "it is only the pointer of Git LFS: run git lfs pull in its repository"
+            )
+    return "export it again as STL, OBJ or DAE"
 
 
 def _load(path: Path) -> np.ndarray:
