@@ -183,6 +183,7 @@ class Cluster:
 
     def _connect(self, until: float, workers: int = 1) -> None:
         """Reach the scheduler and look at its workers until a time, or refuse."""
+        _check_address(self.address)
         while True:
             left = min(_CONNECT_S, max(0.5, until - time.monotonic()))
             try:
@@ -191,11 +192,6 @@ class Cluster:
                 )
                 self.client.wait_for_workers(workers, timeout=left)
                 break
-            except ValueError as error:  # a name without a port, another protocol
-                raise BadInput(
-                    f"the scheduler's address is {self.address!r} ({error}); give one "
-                    "such as tcp://host:8786"
-                ) from error
             except (OSError, self.dask.TimeoutError, TimeoutError) as error:
                 with suppress(Exception):
                     self.client.close(timeout=1)
@@ -445,6 +441,22 @@ def _lost(cluster: Cluster) -> tuple[type[BaseException], ...]:
         cluster.dask.TimeoutError,
         *found,
     )
+
+
+def _check_address(address: str) -> None:
+    """Refuse a name without a port, or another protocol, before a client begins.
+
+    One that was begun with it would wait for 20 s at its end, and complain.
+    """
+    from distributed.comm.addressing import get_address_host_port
+
+    try:
+        get_address_host_port(address)
+    except ValueError as error:
+        raise BadInput(
+            f"the scheduler's address is {address!r} ({error}); give one such as "
+            "tcp://host:8786"
+        ) from error
 
 
 def _distributed() -> Any:  # noqa: ANN401 (a module)

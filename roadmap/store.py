@@ -43,7 +43,7 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
             "another --out or remove it yourself"
         )
     with beside(path) as made:
-        made.mkdir(0o700)
+        made.mkdir()
         table = {name: _write_array(made, name, a) for name, a in arrays.items()}
         whole = {"format": FORMAT, **manifest, "arrays": table}
         whole["hash"] = _manifest_hash(whole)

@@ -100,6 +100,8 @@ class AuditReport:
     def __str__(self) -> str:
         """Return the verdict in one sentence."""
         verdict = "passed" if self.passed else "FAILED"
+        if not self.complete and not self.violations:
+            verdict = "was interrupted"
         return (
             f"audit of the {self.asked} {verdict}: {self.violations} of {self.pairs} "
             f"pairs called free come nearer than m = {self.m * 1e3:.1f} mm, "

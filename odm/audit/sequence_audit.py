@@ -1,7 +1,6 @@
 """Audit what a planner remembers: many sequences of frames, judged leg by leg."""
 
 import multiprocessing
-import signal
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from odm.audit.processes import in_processes
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.cell_map.cell_map import CellMap, load_map
@@ -80,6 +80,8 @@ class SequenceReport:
     def __str__(self) -> str:
         """Return the verdict in one sentence."""
         verdict = "passed" if self.passed else "FAILED"
+        if not self.complete and not self.wrong:
+            verdict = "was interrupted"
         return (
             f"audit by sequences {verdict}: {self.wrong} false answers in "
             f"{self.steps:,} steps, {self.answered_share:.0%} answered with a path, "
@@ -147,9 +149,8 @@ def _parts(
         yield from map(_run, jobs)
         return
     load_map(map_dir)  # is refused here, in one sentence
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(processes, _prepare_child, (map_dir,)) as pool:
-        yield from pool.imap(_run, jobs)
+    with in_processes(processes, _run, jobs, _prepare, (map_dir,)) as parts:
+        yield from parts
 
 
 _shared: dict[str, object] = {}  # of a process: the map, and its judge
@@ -158,11 +159,6 @@ _shared: dict[str, object] = {}  # of a process: the map, and its judge
 def _prepare(map_dir: str | Path) -> None:
     cell_map = load_map(map_dir)
     _shared.update(map=cell_map, judge=Judge(cell_map))
-
-
-def _prepare_child(map_dir: str | Path) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
-    _prepare(map_dir)
 
 
 def _run(job: tuple[int, int, str | None]) -> SequenceReport:

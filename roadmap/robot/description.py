@@ -18,6 +18,15 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 NO_STOP = 1000.0
 # Revolute joints of real arms stop within three turns; degrees do so within 720 [rad].
 MOST_TURNED, MOST_DEGREES = 6.0 * math.pi, 720.0
+_NUMBERS = {  # what is numbers in a link or a joint
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "velocity"),
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "mesh": ("scale",),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +191,7 @@ def _well_formed(path: Path) -> bytes:
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
     _check_parts(root, path.name)
+    _check_words(root, path.name)
     _check_numbers(root, path.name)
     return etree.tostring(root)
 
@@ -206,6 +216,29 @@ def _check_parts(root, filename: str) -> None:
                 )
 
 
+def _check_words(root, filename: str) -> None:
+    """Refuse what is no number where links and joints have numbers; name its line."""
+    parts = [*root.findall("link"), *root.findall("joint")]
+    for part in (inner for one in parts for inner in one.iter(*_NUMBERS)):
+        for key in _NUMBERS[part.tag]:
+            for word in (part.get(key) or "").split():
+                if not _is_number(word):
+                    raise BadRobot(
+                        f'<{part.tag} {key}="{part.get(key)}"> of {filename}, line '
+                        f"{part.sourceline}, holds {word!r}, which is no number; write "
+                        "numbers like 0.5 with blanks between them, and expand xacro "
+                        "files first"
+                    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _check_numbers(root, filename: str) -> None:
     """Refuse axes and scales that are not three numbers, and angles in degrees."""
     keys = {"axis": ("xyz", (3,)), "mesh": ("scale", (1, 3)), "origin": ("rpy", ())}
@@ -214,7 +247,7 @@ def _check_numbers(root, filename: str) -> None:
         text = part.get(key)
         numbers = (text or "").split()
         where = f'<{part.tag} {key}="{text}"> of {filename}, line {part.sourceline},'
-        if not counts:  # the parser tells of wrong ones
+        if not counts:
             if any(_is_beyond(n) for n in numbers):
                 raise BadRobot(f"{where} looks like degrees; give radians")
         elif text is not None and len(numbers) not in counts:
@@ -223,10 +256,7 @@ def _check_numbers(root, filename: str) -> None:
 
 def _is_beyond(number: str) -> bool:
     """Return whether an angle [rad] turns so far that it must be in degrees."""
-    try:
-        return abs(float(number)) > MOST_TURNED
-    except ValueError:
-        return False  # so it does here
+    return _is_number(number) and abs(float(number)) > MOST_TURNED
 
 
 def _is_xacro(tag: str) -> bool:

@@ -2,6 +2,7 @@
 
 import io
 import os
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -21,7 +22,12 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
         BadRobot: The file is in none of these places; names link, file and places.
     """
     folder = urdf.resolve().parent
+    remedy = "correct the file's name, which starts at the folder of the URDF"
     if filename.startswith("package://"):
+        remedy = (
+            "pass package_dirs=[...] or set ROS_PACKAGE_PATH to the folder that holds "
+            "the package"
+        )
         candidates = _in_packages(filename[len("package://") :], folder, package_dirs)
     else:
         plain = filename[len("file://") :] if filename.startswith("file://") else ""
@@ -34,8 +40,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
     places = ", ".join(dict.fromkeys(str(c.parent) for c in candidates[:4]))
     raise BadRobot(
         f"the mesh {filename!r} of link {link!r} is not there (looked in {places}"
-        f"{', ...' if len(candidates) > 4 else ''}); pass package_dirs=[...] or set "
-        "ROS_PACKAGE_PATH to the folder that holds the package"
+        f"{', ...' if len(candidates) > 4 else ''}); {remedy}"
     )
 
 
@@ -61,15 +66,25 @@ def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray
     except Exception as error:
         raise BadRobot(
             f"the mesh {str(path)!r} of link {link!r} cannot be read: "
-            f"{type(error).__name__}: {error}; export it again as STL, OBJ or DAE"
+            f"{type(error).__name__}: {error}; {_remedy(path)}"
         ) from error
     points = np.asarray(points, float).reshape(-1, 3)
     if len(points) == 0 or not np.isfinite(points).all():
         raise BadRobot(
             f"the mesh {str(path)!r} of link {link!r} holds no finite triangles; "
-            "export it again as STL, OBJ or DAE"
+            f"{_remedy(path)}"
         )
     return points * np.asarray(scale)
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do about a mesh file that holds none."""
+    with suppress(OSError):
+        if path.read_bytes().startswith(b"version https://git-lfs"):
+            return (
+                "it is only the pointer of Git LFS: run git lfs pull in its repository"
+            )
+    return "export it again as STL, OBJ or DAE"
 
 
 def _load(path: Path) -> np.ndarray:

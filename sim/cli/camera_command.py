@@ -129,7 +129,7 @@ def camera(request: CameraRequest) -> None:
     space = SeenSpace(cell_map, camera, settings)
     found = space.update(image, joints, 0.0)
     if found.trouble is not None:
-        leave(f"{request.file}: {found.trouble}", FINDING)
+        leave(found.trouble, FINDING)
     facts = describe_frame(space, found, image, joints)
     if request.plot is not None:
         from sim.draw.camera_picture import plot_cells
@@ -206,6 +206,7 @@ def describe_frame(
         times.append(1e3 * (time.process_time() - begun))
     return {
         "image": {"width": camera.width, "height": camera.height} | seen.readings,
+        "scale": camera.scale,
         "depth_m": [round(float(np.percentile(valid, p)), 4) for p in (0, 50, 100)],
         "removed": seen.removed,
         "cells": counts,
@@ -266,7 +267,8 @@ def _show(file: Path, facts: dict) -> None:
     radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]
     lines = [
         f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} "
-        f"m away (median {middle:.2f} m); {image['outside']} lie outside the grid.",
+        f"m away (median {middle:.2f} m) where a unit is {1e3 * facts['scale']:g} mm "
+        f"(--scale); {image['outside']} lie outside the grid.",
         f"{facts['points']} points for the planner, covering radius {radius_cm:.2f} "
         f"cm; certified: {facts['certified']}; things thinner than "
         f"{thinnest_mm:.1f} mm may be missed.",

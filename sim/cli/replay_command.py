@@ -182,6 +182,22 @@ def _play(path: Path, request: ReplayRequest) -> None:
     report(found, request.json, player.show)
 
 
+def _write_recipe(found: "RunRecord", path: Path) -> None:
+    """Write the recipe of the recorded map; tell which files it does not find there."""
+    from sim.record.again import recipe_of
+    from sim.record.recipe_toml import lost_files, recipe_text
+
+    recipe = recipe_of(found)
+    print(write_text(path, recipe_text(recipe)))
+    if lost := lost_files(recipe, path.absolute().parent):
+        print(
+            f"its relative paths start at its folder, where {', '.join(lost)} is not: "
+            "put the recipe where they do, or use --build, which needs no "
+            "such file",
+            file=sys.stderr,
+        )
+
+
 def _replay(path: Path, request: ReplayRequest) -> None:
     """Repeat a recorded run, or take out of it what was asked for."""
     from sim.record import check_recording_path, read_record
@@ -189,10 +205,7 @@ def _replay(path: Path, request: ReplayRequest) -> None:
     _check_only(request)
     found = read_record(path)
     if request.recipe_out is not None:
-        from sim.record.again import recipe_of
-        from sim.record.recipe_toml import recipe_text
-
-        print(write_text(request.recipe_out, recipe_text(recipe_of(found))))
+        _write_recipe(found, request.recipe_out)
     if request.build is not None:
         _build(found, request.build)
     if request.holds:

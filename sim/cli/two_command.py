@@ -14,6 +14,7 @@ from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap
+    from roadmap.chunks import Progress
     from sim.two.two_result import TwoResult
 
 ALONE_S = 20.0  # simulated, to see how many trips a robot makes alone
@@ -76,7 +77,8 @@ def run_two(request: TwoRequest) -> None:
         tell("frames", result.frames, result.frames)
     figures = result.summary() | {"alone_trips_per_minute": alone}
     figures |= {"map_hashes": [m.hash for m in maps]}
-    written = _write(result, maps, figures, request)
+    with Bars("pictures") as tell:
+        written = _write(result, maps, figures, request, tell)
     if request.json is not None:
         show_json(figures, request.json)
     if request.json != "-":
@@ -118,7 +120,11 @@ def _alone(maps: tuple, settings: object) -> list[float]:
 
 
 def _write(
-    result: "TwoResult", maps: tuple, figures: dict, request: TwoRequest
+    result: "TwoResult",
+    maps: tuple,
+    figures: dict,
+    request: TwoRequest,
+    tell: "Progress",
 ) -> list[Path]:
     """Write what was asked for; return the paths."""
     picture, animation, out = request.plot, request.animation, request.out
@@ -133,7 +139,7 @@ def _write(
     if animation is not None:
         from sim.two.two_picture import write_two_animation
 
-        written.append(write_two_animation(result, maps, animation))
+        written.append(write_two_animation(result, maps, animation, tell))
     if out is not None:
         show_json(figures, str(out / "two_robots.json"))
         written.append(out / "two_robots.json")

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.chunks import Progress
 from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.robot.robot import Robot
-from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
+from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import FAINT, INK, TEAL
 from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import clearest, framed
@@ -28,6 +29,7 @@ def write_animation(
     settings: FilmSettings | None = None,
     tools: Mapping[int, np.ndarray] | None = None,
     still: np.ndarray | None = None,
+    tell: Progress | None = None,
 ) -> Path:
     """Write some seconds of a run, the liveliest if not told, as an animated GIF.
 
@@ -44,6 +46,7 @@ def write_animation(
             the work places.
         still: (n, 3, 3) triangles of what stands around [m]; the world draws them, and
             the camera goes where they hide least.
+        tell: Called with the stage, pictures painted and of how many, before each.
     """
     settings = settings or FilmSettings()
     shown = settings.shown(_liveliness(result), result.rate_hz)
@@ -55,7 +58,8 @@ def write_animation(
     tool = np.vstack([balls[robot.sphere_body == robot.tip_body] for balls in robots])
     camera = clearest(framed(settings.camera(), own, tool=tool), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
-    return write_gif([painter.paint(result, i) for i in shown], path, settings)
+    pictures = painted(lambda i: painter.paint(result, i), shown, tell)
+    return write_gif(pictures, path, settings)
 
 
 def _liveliness(result: RunResult) -> np.ndarray:

@@ -1,10 +1,12 @@
 """Frames of a film: a rendered picture of robots on a table, with marks; GIF files."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from roadmap.chunks import Progress
 from sim.draw.style import AMBER, FAINT, INK, PURPLE, RED, TEAL, rgb
 from sim.draw.viewpoint import Camera
 
@@ -208,6 +210,18 @@ def _draw_ground(
         draw.line(pixels((x0, y), (x1, y)), GRID, 3)
     small = image.resize((camera.width, camera.height), Image.LANCZOS)
     return np.asarray(small, np.float32)
+
+
+def painted(
+    paint: Callable[[int], object], frames: Sequence[int], tell: Progress | None
+) -> list:
+    """Return the picture (PIL) of each frame; `tell` is called before each of them."""
+    pictures = []
+    for k, frame in enumerate(frames):
+        if tell is not None:
+            tell("writing the film", k, len(frames))
+        pictures.append(paint(frame))
+    return pictures
 
 
 def write_gif(pictures: list, path: str | Path, settings: FilmSettings) -> Path:

@@ -45,9 +45,11 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
             cut = np.where(cut > 0.0, cut, np.nan)
             corner = grid.origin[list(plane)]
             image = draw_cut(axis, corner, grid.cell, cut, span, colours)
+            axis.plot(0.0, 0.0, "+", color="white", markersize=11, markeredgewidth=3)
             axis.plot(0.0, 0.0, "+", color=INK, markersize=9)
             frame = {"textcoords": "offset points", "color": INK, "size": 8}
-            axis.annotate(chain.frame, (0.0, 0.0), (4, 4), **frame)
+            frame["bbox"] = {"facecolor": "white", "alpha": 0.8, "lw": 0.0, "pad": 1.5}
+            axis.annotate(chain.frame, (0.0, 0.0), (5, 5), **frame)
             space_axes(axis, normal, chain.unit)
             at = grid.origin[normal] + (layer + 0.5) * grid.cell
             set_title(axis, f"{name}, cut at {AXES[normal]} = {at:.2f}")

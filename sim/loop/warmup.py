@@ -6,9 +6,7 @@ the real ones: a map that was stored and is read again.
 """
 
 import gc
-import multiprocessing
 import os
-import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -40,6 +38,7 @@ from odm import (
     sample_capsules,
     surface_of,
 )
+from odm.audit.processes import in_processes
 from odm.cameras import look_at
 from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
@@ -146,16 +145,15 @@ def _beside(
     if (os.cpu_count() or 1) < 2:
         yield iter(())
         return
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(1, _prepare_child, (folder, h, gc.get_threshold())) as pool:
-        yield pool.imap(_run_job, names)
+    given = (folder, h, gc.get_threshold())
+    with in_processes(1, _run_job, list(names), _prepare_child, given) as misses:
+        yield misses
 
 
 _shared: dict[str, _Jobs] = {}  # of the process beside
 
 
 def _prepare_child(folder: Path, h: float, collect: tuple[int, int, int]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
     gc.set_threshold(*collect)
     _shared["jobs"] = _Jobs(folder, h)
 

@@ -1,6 +1,7 @@
 """A recipe as TOML text, which `odm build` reads back as the same recipe."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 from odm.cell_map.recipe import Recipe
@@ -19,6 +20,18 @@ def recipe_text(recipe: Recipe) -> str:
         parts.append(_section("[payload]", table["payload"]))
     parts += [_section("[[scenery]]", solid) for solid in table["scenery"]]
     return "\n".join(parts)
+
+
+def lost_files(recipe: Recipe, folder: Path) -> list[str]:
+    """Return the relative paths that a recipe written to `folder` does not find there.
+
+    A recipe keeps them as they were given where its map was built, and they are part
+    of the map's hash.
+    """
+    named = [recipe.robot.source, recipe.robot.srdf]
+    named += [solid.get("file") for solid in recipe.scenery]
+    paths = [Path(name) for name in named if name and Path(name).suffix]
+    return [str(p) for p in paths if not p.is_absolute() and not (folder / p).exists()]
 
 
 def _section(head: str, table: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import Executor
 from odm.execution.stop_test import OWN_LIMITS, stop_time
 from odm.execution.threat import ThreatSettings
+from roadmap.chunks import Progress
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult, stretches
@@ -81,8 +82,8 @@ def run(request: RunRequest, live: object | None = None) -> dict:
     }
     if not request.quiet:
         _show(task, result, figures, notes)
-    with Bars("pictures"):
-        written = write_files(request, loop, task.cell_map, result, data)
+    with Bars("pictures") as tell:
+        written = write_files(request, loop, task.cell_map, result, data, tell)
     for path in written if not request.quiet else ():
         print(path)
     return data
@@ -212,7 +213,12 @@ def touched_in(result: RunResult, quick: bool) -> list[str]:
 
 
 def write_files(
-    request: RunRequest, loop: Loop, cell_map: CellMap, result: RunResult, data: dict
+    request: RunRequest,
+    loop: Loop,
+    cell_map: CellMap,
+    result: RunResult,
+    data: dict,
+    tell: Progress,
 ) -> list[Path]:
     """Write the pictures and figures that were asked for; return their paths.
 
@@ -229,14 +235,16 @@ def write_files(
 
         write_latency_plot(result, plot)
     if film is not None:
-        _write_film(loop, cell_map, result, film)
+        _write_film(loop, cell_map, result, film, tell)
     if figures is not None:
         text = json.dumps(data, indent=1) if request.meets else result.to_json()
         write_text(figures, text)
     return written
 
 
-def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) -> None:
+def _write_film(
+    loop: Loop, cell_map: CellMap, result: RunResult, path: Path, tell: Progress
+) -> None:
     from sim.draw.animation import FilmSettings, write_animation
     from sim.draw.surroundings import all_triangles, standing_of
     from sim.run.demo import open_world
@@ -252,7 +260,7 @@ def _write_film(loop: Loop, cell_map: CellMap, result: RunResult, path: Path) ->
         world.stand(still)
         tools = getattr(loop, "tools", None)
         write_animation(
-            result, cell_map.robot, loop.places, world, path, film, tools, still
+            result, cell_map.robot, loop.places, world, path, film, tools, still, tell
         )
 
 

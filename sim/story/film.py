@@ -1,6 +1,5 @@
 """A hand-over as a film: robot, person, object, and what the story says."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +7,11 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
+from roadmap.chunks import Progress
 from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
-from sim.draw.film import Canvas, FilmSettings, write_gif
+from sim.draw.film import Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
 from sim.draw.viewpoint import Camera, clearest, framed
 from sim.record.run_record import RunRecord
@@ -39,7 +39,7 @@ def write_story_film(
     world: object,
     path: str | Path,
     settings: FilmSettings | None = None,
-    tell: Callable[[str, int, int], None] | None = None,
+    tell: Progress | None = None,
 ) -> Path:
     """Write a recorded hand-over as an animated GIF, whole; return its path.
 
@@ -51,11 +51,7 @@ def write_story_film(
     shown = range(0, record.frames, step)
     moments = [shown[k * (len(shown) - 1) // 12] for k in range(13)]
     canvas = Canvas(_camera(record, robot, moments, settings))
-    pictures = []
-    for k, i in enumerate(shown):
-        if tell is not None:
-            tell("writing the film", k, len(shown))
-        pictures.append(_paint(record, robot, world, canvas, i))
+    pictures = painted(lambda i: _paint(record, robot, world, canvas, i), shown, tell)
     return write_gif(pictures, path, settings)
 
 

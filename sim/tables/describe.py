@@ -333,7 +333,7 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
 
     console = Console(highlight=False)
     console.print(str(report), soft_wrap=True)
-    if report.answered_share < 0.5:
+    if report.complete and report.answered_share < 0.5:
         console.print("less than half was answered with a path: too little to show")
     smallest = f"{1000 * report.smallest:.2f} mm" if report.exact else "-"
     table = _table("What was judged", "count of", "")

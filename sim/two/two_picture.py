@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
+from roadmap.chunks import Progress
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.transforms import moved_points
-from sim.draw.film import STATES, Canvas, FilmSettings, write_gif
+from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, FAINT, INK, SLATE, TEAL, rgb
 from sim.draw.viewpoint import Camera
 from sim.loop.run_result import STATUS
@@ -34,14 +35,17 @@ def write_two_picture(
 
 
 def write_two_animation(
-    result: TwoResult, maps: tuple[CellMap, CellMap], path: str | Path
+    result: TwoResult,
+    maps: tuple[CellMap, CellMap],
+    path: str | Path,
+    tell: Progress | None = None,
 ) -> Path:
     """Write the seconds in which both move nearest to each other as an animated GIF."""
     both = result.moving(0) & result.moving(1)
     score = both * np.exp(-np.clip(result.separation, 0.0, 1.0) / 0.1)
     shown = FILM.shown(score, result.rate_hz)
     with _Stage(maps, result, FILM.camera()) as stage:
-        return write_gif([stage.paint(i) for i in shown], path, FILM)
+        return write_gif(painted(stage.paint, shown, tell), path, FILM)
 
 
 class _Stage:

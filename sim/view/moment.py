@@ -18,7 +18,7 @@ WORDS = (
     "holding",
     "contact",
 )
-STICKY_S = 0.4  # a new path is told so long [s]
+STICKY_S = 0.4  # a new path is told so long, and being slowed is one event [s]
 NOBODY = np.zeros((0, 7))
 
 # columns of a strip: one row for every frame, drawn or not
@@ -101,6 +101,7 @@ class Happenings:
     def __init__(self) -> None:
         self.events: list[Event] = []
         self._state, self._place = ON_THE_WAY, None
+        self._slow_s = -np.inf  # when it was slowed last
 
     def take(
         self,
@@ -113,14 +114,22 @@ class Happenings:
         """Take one frame of a time [s] and the code of its state.
 
         `reason` may be given with the first frame of a state. A frame with another goal
-        `place` has to have a new path.
+        `place` has to have a new path. Who is slowed again and again in a moment is
+        slowed once.
         """
         if self._place is not None and place != self._place:
             self.events.append(Event(time_s, STILL, "a new goal"))
         elif new_path:
             self.events.append(Event(time_s, NEW_PATH, WORDS[NEW_PATH]))
-        if state != self._state and state not in (ON_THE_WAY, STILL):
+        still_slow = (
+            state == SLOW
+            and time_s - self._slow_s < STICKY_S
+            and self.events[-1].state == SLOW
+        )
+        if state != self._state and state not in (ON_THE_WAY, STILL) and not still_slow:
             word = WORDS[state]
             told = f"{word}: {reason}" if reason else word
             self.events.append(Event(time_s, state, told))
+        if state == SLOW:
+            self._slow_s = time_s
         self._state, self._place = state, place

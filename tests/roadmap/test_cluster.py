@@ -13,7 +13,7 @@ from chunk_jobs import chunks, job
 import roadmap.cluster
 from roadmap.chunks import ChunkFailed, ChunkStore, ForeignWorker, about
 from roadmap.cluster import Cluster, refuse_foreign, work
-from roadmap.errors import BuildRefused
+from roadmap.errors import BadInput, BuildRefused
 
 distributed = pytest.importorskip("distributed")
 SQUARES = np.arange(40.0) ** 2
@@ -101,6 +101,13 @@ def test_a_scheduler_that_stays_away_is_told(tmp_path):
     gone.close()
     with pytest.raises(BuildRefused, match="no scheduler with workers answers at tcp"):
         Cluster(scheduler=gone.scheduler_address, patience=0.1)
+
+
+def test_an_address_that_is_none_is_refused_before_a_client_begins(monkeypatch):
+    monkeypatch.setattr("distributed.Client", None)
+    for address in ("foo", "tcp://foo", "foo://host:8786"):
+        with pytest.raises(BadInput, match="give one such as tcp://host:8786"):
+            Cluster(scheduler=address)
 
 
 def test_workers_may_be_killed_in_mid_chunk(tmp_path):

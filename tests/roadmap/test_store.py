@@ -36,6 +36,11 @@ def rewritten(folder, change):
     file.write_text(json.dumps(manifest))
 
 
+def test_others_may_read_a_map_where_they_may_read_what_else_is_made(folder, tmp_path):
+    (tmp_path / "else").mkdir()
+    assert folder.stat().st_mode == (tmp_path / "else").stat().st_mode
+
+
 @pytest.mark.parametrize("verify", [True, False])
 def test_arrays_come_back_read_only_and_as_they_were(folder, verify):
     _, arrays = read_folder(folder, verify)

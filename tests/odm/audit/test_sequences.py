@@ -1,6 +1,7 @@
 """A planner that lives long answers what one that was just made would allow."""
 
 import json
+import operator
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from odm.audit.sequence_audit import audit_sequences, run_sequence
+from odm.audit.processes import in_processes
+from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequence
 from odm.audit.sequence_judge import Judge, solid_of
 from odm.audit.sequences import EVENTS, Sequence
 from odm.cell_map.recipe import PayloadRecipe
@@ -151,3 +153,17 @@ def test_the_audit_sums_up_and_its_own_audit_fails(carrying_map, tmp_path):
     assert not found.passed
     with pytest.raises(BadInput, match="certificate"):
         audit_sequences(tmp_path / "map", sabotage="rho")
+
+
+def test_processes_give_results_in_the_order_of_their_jobs():
+    with in_processes(2, operator.neg, [20, 3, 9, "x"], operator.index, (1,)) as found:
+        assert [next(found) for _ in range(3)] == [-20, -3, -9]
+        with pytest.raises(TypeError, match="unary"):
+            next(found)
+
+
+def test_an_audit_that_was_ended_by_hand_has_not_failed():
+    ended = SequenceReport(seed=0, sabotage=None, complete=False)
+    assert "was interrupted" in str(ended) and not ended.passed
+    ended.wrong = 1
+    assert "FAILED" in str(ended)

@@ -5,6 +5,7 @@ import pytest
 from urdf_parts import BALL, COARSE, mesh
 
 from roadmap import load_robot
+from roadmap.errors import BadRobot
 from roadmap.geometry.spheres import robot_solids
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import HULL
@@ -47,6 +48,19 @@ def test_packages_are_looked_up_in_given_folders_and_ros_package_path(
         load_robot(path, package_dirs=[tmp_path / root], **COARSE)
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
     load_robot(path, **COARSE)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("package://nobody/t.obj", "set ROS_PACKAGE_PATH to the folder"),
+        ("meshes/T.OBJ", "correct the file's name, which starts at the folder of"),
+        ("file:///nowhere/t.obj", "correct the file's name, which"),
+    ],
+)
+def test_a_mesh_that_is_not_there_is_told_with_what_helps(name, remedy, arm):
+    with pytest.raises(BadRobot, match=remedy):
+        load_robot(arm(mesh(name)), **COARSE)
 
 
 @pytest.mark.parametrize("kind", ["stl", "dae"])

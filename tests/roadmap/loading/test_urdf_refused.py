@@ -1,6 +1,7 @@
 """Robots that cannot be used are refused with one sentence, a PlanningError."""
 
 import importlib.util
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -61,7 +62,7 @@ def test_how_far_links_reach_is_not_asked_where_nothing_travels(arm, monkeypatch
 
 def test_a_missing_mesh_names_link_file_and_places(arm, tmp_path):
     refuses(arm(mesh("package://p/no.stl")), "'package://p/no.stl' of link 'arm'.*look")
-    refuses(arm(mesh("no.stl")), "no.stl.*package_dirs")
+    refuses(arm(mesh("no.stl")), "no.stl.*starts at the folder of the URDF")
 
 
 def test_an_unreadable_mesh_is_refused(arm, tmp_path):
@@ -69,6 +70,8 @@ def test_an_unreadable_mesh_is_refused(arm, tmp_path):
     refuses(arm(mesh("t.stl")), "t.stl.*of link 'arm'")
     (tmp_path / "t.obj").write_bytes(b"v 0 0 nan\nf 1 1 1\n")
     refuses(arm(mesh("t.obj")), "no finite triangles")
+    (tmp_path / "t.dae").write_bytes(b"version https://git-lfs.github.com/spec/v1\n")
+    refuses(arm(mesh("t.dae")), "'arm' .*only the pointer of Git LFS: run git lfs")
     (tmp_path / "t.xyz").write_bytes(b"1 2 3")
     refuses(arm(mesh("t.xyz")), "cannot be read")
 
@@ -204,6 +207,14 @@ def test_a_place_turned_by_degrees_is_refused(urdf, link, joint):
     body = link("base", BALL) + link("arm", BALL, rpy="0 90 0")
     file = urdf(body + joint("turn", "revolute", "base", "arm"))
     refuses(file, '<origin rpy="0 90 0"> of .* looks like degrees; give radians')
+
+
+@pytest.mark.parametrize("rpy", ["0, 0, 0", "0 0 0,5", "0 0 ${pi}"])
+def test_what_is_no_number_is_told_with_its_line(urdf, link, joint, rpy):
+    body = link("base", BALL) + link("arm", BALL, rpy=rpy)
+    file = urdf(body + joint("turn", "revolute", "base", "arm"))
+    word = next(w for w in rpy.split() if w not in "0")
+    refuses(file, f"line 1, holds {re.escape(repr(word))}, which is no number; write")
 
 
 def test_a_zero_axis_is_refused(urdf, link, joint):

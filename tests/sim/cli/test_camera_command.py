@@ -56,6 +56,8 @@ def test_the_command_tells_what_python_tells(odm, map_dir, png, tmp_path):
     assert facts["image"]["valid"] == seen.readings["valid"]
     assert facts["certified"] == "visible surface" and facts["cpu_ms"] > 0
     assert "occupied" in out and "covering radius" in out
+    told = " ".join(out.split())  # who has another unit sees it here
+    assert f"where a unit is {1e3 * facts['scale']:g} mm (--scale)" in told
     with Image.open(plot) as drawn:
         assert drawn.size[0] > 2 * drawn.size[1]
         colours = {c for _, c in drawn.convert("RGB").getcolors(1 << 24)}
@@ -119,6 +121,7 @@ def test_what_is_no_depth_image_is_refused_in_one_sentence(
     lines = [line for line in err.splitlines() if line.startswith("odm: ")]
     unfit = words == "sees nothing"  # an image, but a robot would hold
     assert code == (1 if unfit else 2) and len(lines) == 1 and words in lines[0]
+    assert lines[0].count(path.name) == 1
     assert not plot.exists() and not out
 
 

@@ -13,6 +13,7 @@ from command_line import started, wait_for
 
 from sim.bench.core import interrupts
 from sim.bench.core.interrupts import Command, commands, interrupted, moments
+from sim.terminal import interrupt
 
 # Not the promised 2 s, which `odm bench interrupts` measures: machines are busy
 PATIENCE_S = 15.0
@@ -45,6 +46,14 @@ from concurrent.futures import ThreadPoolExecutor
 with interrupt.interruptible(), ThreadPoolExecutor(2) as pool:
     ready()
     list(pool.map(time.sleep, [60, 60, 60]))
+"""
+IN_PROCESSES = """
+from odm.audit.processes import in_processes
+work = (time.sleep, [0, 60], os.getpid, ())
+with interrupt.interruptible(), in_processes(1, *work) as results:
+    next(results)
+    ready()
+    next(results)
 """
 IN_CALLBACK = """
 class Loud:
@@ -166,6 +175,14 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert code == 130 and seconds < PATIENCE_S
     assert err.count("interrupted") == 1 and "Traceback" not in err
     assert "never" not in out
+
+
+def test_processes_of_a_command_end_with_it_and_say_nothing(tmp_path):
+    with started(["-c", HEAD + IN_PROCESSES], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        code, seconds, _, err = end(process)
+    assert code == 130 and seconds < PATIENCE_S
+    assert err.splitlines() == [interrupt.SENTENCE]
 
 
 @pytest.mark.parametrize("script", [SWALLOWED, IN_CALLBACK, BEFORE_ANYTHING])

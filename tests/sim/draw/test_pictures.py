@@ -49,7 +49,12 @@ def run(crane, places):
 def test_the_film_is_a_short_small_gif_in_real_time(run, crane, places, tmp_path):
     settings = FilmSettings(width=240, height=180, frames=12, fps=12.5)
     world = CoverWorld(crane)
-    path = write_animation(run, crane, places, world, tmp_path / "a.gif", settings)
+    told = []
+    path = write_animation(
+        run, crane, places, world, tmp_path / "a.gif", settings,
+        tell=lambda *said: told.append(said),
+    )  # fmt: skip
+    assert told == [("writing the film", k, 12) for k in range(12)]
     with Image.open(path) as film:
         assert film.n_frames == 12 and film.size == (240, 180)
         assert film.info["duration"] == 80

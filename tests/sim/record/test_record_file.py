@@ -8,7 +8,7 @@ from odm import build_map, load_map, load_recipe
 from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_names
 from sim.record import first_difference, is_record, read_record, run_again, write_record
 from sim.record.again import ReplayedPerson, build_again, check_built, check_map
-from sim.record.recipe_toml import recipe_text
+from sim.record.recipe_toml import lost_files, recipe_text
 from sim.record.record_check import BadRecord
 
 HEAD = "recording.json"
@@ -223,3 +223,13 @@ def test_odd_names_and_nested_values_survive_as_toml(tmp_path):
     recipe = Recipe(recipe.name, robot, recipe.roadmap, recipe.safety, recipe.scenery)
     (tmp_path / "again.toml").write_text(recipe_text(recipe), encoding="utf-8")
     assert load_recipe(tmp_path / "again.toml").as_dict() == recipe.as_dict()
+
+
+def test_a_recipe_tells_which_of_its_files_are_not_where_it_is_written(tmp_path):
+    (tmp_path / "my.urdf").touch()
+    robot = RobotRecipe(source="my.urdf", tip="hand", srdf="/no/my.srdf")
+    scenery = ({"type": "mesh", "file": "at/home.stl"}, {"type": "plane"})
+    recipe = Recipe(name="mine", robot=robot, scenery=scenery)
+    assert lost_files(recipe, tmp_path) == ["at/home.stl"]
+    assert lost_files(recipe, tmp_path / "else") == ["my.urdf", "at/home.stl"]
+    assert not lost_files(Recipe(name="p", robot=RobotRecipe("panda")), tmp_path)

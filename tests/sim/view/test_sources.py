@@ -9,7 +9,7 @@ import pytest
 from sim.loop.run_result import STATUS
 from sim.record import read_record
 from sim.view.mailbox import Mailbox
-from sim.view.moment import HOLDING, NEW_PATH, STILL, Event, Happenings, Moment
+from sim.view.moment import HOLDING, NEW_PATH, SLOW, STILL, Event, Happenings, Moment
 from sim.view.robot_shapes import solid_parts
 from sim.view.sources import Letters, Recorded
 
@@ -106,6 +106,18 @@ def test_happenings_tell_goals_new_paths_and_states_once():
         (0.4, STILL),
     ]
     assert seen.events[1].text == "holding: a hand"
+
+
+def test_who_is_slowed_again_and_again_in_a_moment_is_slowed_once():
+    seen = Happenings()
+    for k in range(40):  # each third frame
+        seen.take(0.01 * k, SLOW if k % 3 == 0 else 1, 0, "a stop takes 0.2 s")
+    assert [(e.time_s, e.state) for e in seen.events] == [(0.0, SLOW)]
+    seen.take(0.4, HOLDING, 0)
+    seen.take(0.41, SLOW, 0)  # after something else
+    seen.take(1.0, 1, 0)
+    seen.take(1.1, SLOW, 0)  # and after a while
+    assert [e.time_s for e in seen.events] == [0.0, 0.4, 0.41, 1.1]
 
 
 def test_a_story_tells_its_events_and_stands_where_it_waits(view_file):

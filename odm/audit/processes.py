@@ -1,0 +1,69 @@
+"""Jobs done in processes of their own, which end with us, whatever ends us.
+
+A pool of `multiprocessing` leaves semaphores behind where Ctrl-C ends a command, and
+says so; and a process of it that outlives us complains that nobody listens. Here each
+process sends its results through a pipe of its own, and nothing is shared.
+"""
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+
+@contextmanager
+def in_processes(
+    number: int,
+    run: Callable[[Any], Any],
+    jobs: list,
+    prepare: Callable[..., None],
+    given: tuple,
+) -> Iterator[Iterator[Any]]:
+    """Yield an iterator of what each job returns, in their order.
+
+    Job k is done by process k modulo `number`, each of which calls `prepare(*given)`
+    first; they begin at once. `run` and `prepare` are functions of a module. What a job
+    raises is raised here. No process is left afterwards.
+
+    Raises:
+        EOFError: A process ended before its jobs were done (from the iterator).
+    """
+    context = multiprocessing.get_context("spawn")
+    ends, children = [], []
+    try:
+        for k in range(number):
+            here, there = context.Pipe(duplex=False)
+            work = (there, run, jobs[k::number], prepare, given)
+            children.append(context.Process(target=_work, args=work, daemon=True))
+            ends.append(here)
+            children[-1].start()
+            there.close()
+        yield (_result(ends[k % number]) for k in range(len(jobs)))
+    finally:
+        for child in children:
+            if child.pid is not None:
+                child.kill()
+                child.join()
+
+
+def _result(end: Connection) -> Any:
+    failed, result = end.recv()
+    if failed:
+        raise result
+    return result
+
+
+def _work(
+    end: Connection, run: Callable, jobs: list, prepare: Callable, given: tuple
+) -> None:
+    """Do jobs in a process of its own, until they are done or nobody listens."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+    with suppress(BrokenPipeError):
+        try:
+            prepare(*given)
+            for job in jobs:
+                end.send((False, run(job)))
+        except Exception as error:
+            end.send((True, error))
