@@ -28,6 +28,9 @@ MAX_SPHERES_PER_LINK = 60
 _CANDIDATES = 5000
 _SURFACE_SAMPLES = 1000
 _VOLUME_SAMPLES = 200
+# A cover that sticks out by more than this times what was asked had too few samples ...
+_TOO_FAR = 1.05
+_MORE = 4  # ... and is looked for again with so many times as many
 # Spheres are chosen this much smaller, for what the proof adds at the end [m].
 _SLACK = 4e-4
 _ROUNDS = 1500
@@ -67,8 +70,9 @@ def cover_solids(solids: list[Solid], excess: float) -> np.ndarray:
 
     Args:
         solids: Convex solids of one link, at least one.
-        excess: How far a sphere may stick out of the solids [m]. It is enlarged where
-            more than MAX_SPHERES_PER_LINK spheres would be needed.
+        excess: How far a sphere may stick out of the solids [m]. Where that needs more
+            than MAX_SPHERES_PER_LINK spheres, or is not found, larger ones are tried:
+            the cover that sticks out least is returned.
 
     Raises:
         BadRobot: `excess` is out of range, or the proof does not come to an end.
@@ -80,11 +84,17 @@ def cover_solids(solids: list[Solid], excess: float) -> np.ndarray:
     if len(solids) == 1 and solids[0].kind == SPHERE:
         center, radius = solids[0].T_body_solid[:3, 3], solids[0].size[0]
         return np.array([[*center, radius + _ROUNDING]])
-    while True:
-        spheres = _search(solids, excess)
-        if len(spheres) <= MAX_SPHERES_PER_LINK:
-            return spheres
+    best, least = None, np.inf
+    while best is None or excess < least:
+        for more in (1, _MORE):
+            spheres = _search(solids, excess, more)
+            over = cover_excess(spheres, solids)
+            if len(spheres) <= MAX_SPHERES_PER_LINK and over < least:
+                best, least = spheres, over
+            if over <= _TOO_FAR * excess:
+                break
         excess *= 1.2
+    return best
 
 
 def cover_excess(spheres: np.ndarray, solids: list[Solid]) -> float:
@@ -117,10 +127,13 @@ def robot_solids(robot: Robot) -> list[Solid]:
     return solids
 
 
-def _search(solids: list[Solid], excess: float) -> np.ndarray:
-    """Find a proved cover: candidate centres on a coarse grid, then refined."""
+def _search(solids: list[Solid], excess: float, more: int = 1) -> np.ndarray:
+    """Find a proved cover: candidate centres on a coarse grid, then refined.
+
+    Its samples are `more` times as many as usual.
+    """
     share = 1 / min(len(solids), 8)
-    samples = np.vstack([_samples(s, share) for s in solids])
+    samples = np.vstack([_samples(s, more * share) for s in solids])
     n = int(share * _CANDIDATES)
     grids, pitches = zip(*[grid(s, n) for s in solids], strict=True)
     pool = np.vstack([_exact(solids), _candidates(np.vstack(grids), solids, excess)])
