@@ -750,8 +750,9 @@ class ReactivePlanner:
                 "0 in the planner's settings, so no motion would be left; set search "
                 "to 1000, or add a [payload] table to the recipe and build it again"
             )
-        self.carrier.attach(thing, T)
-        self._hand_changed()
+        with self.memory.owner.changing("attach"):
+            self.carrier.attach(thing, T)
+            self._hand_changed()
 
     def detach(self) -> None:
         """Let go of what is attached; the path in use is dropped.
@@ -759,9 +760,9 @@ class ReactivePlanner:
         Raises:
             BadInput: Nothing is attached.
         """
-        self.memory.owner.check()
-        self.carrier.detach()
-        self._hand_changed()
+        with self.memory.owner.changing("detach"):
+            self.carrier.detach()
+            self._hand_changed()
 
     @property
     def attached(self) -> np.ndarray | None:
@@ -802,12 +803,13 @@ class ReactivePlanner:
                 f"an extra clearance of {extra} m is not between 0 and {MOST_EXTRA} m; "
                 "give metres"
             )
-        self.frame.set_extra(extra)
-        if self._approacher is not None:
-            self._approacher.legs.forget_fine()
-        self.carrier.set_extra(self.extra)
-        self.frame.mark()  # points just outside the grid may count now
-        self.scene.lay_out()
+        with self.memory.owner.changing("set_extra_clearance"):
+            self.frame.set_extra(extra)
+            if self._approacher is not None:
+                self._approacher.legs.forget_fine()
+            self.carrier.set_extra(self.extra)
+            self.frame.mark()  # points just outside the grid may count now
+            self.scene.lay_out()
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands: points and poses are given in the world from here.
@@ -823,10 +825,10 @@ class ReactivePlanner:
         Raises:
             BadInput: Not a rigid motion.
         """
-        self.memory.owner.check()
-        self.frame.set_base(T_world_base)
-        self.scene.lay_out()
-        self.reset()
+        with self.memory.owner.changing("set_base"):
+            self.frame.set_base(T_world_base)
+            self.scene.lay_out()
+            self.reset()
 
     def set_static(self, points_or_shapes: object) -> None:
         """Set the scenery of this place, once: (n, 3) points or closed shapes.
@@ -835,8 +837,8 @@ class ReactivePlanner:
         the scenery blocks are closed for good; call again to replace it. What comes and
         goes, or is to be told by name, belongs into `scene`.
         """
-        self.memory.owner.check()
-        self.scene.set_static(place_points(points_or_shapes, self.rho))
+        with self.memory.owner.changing("set_static"):
+            self.scene.set_static(place_points(points_or_shapes, self.rho))
 
     # --- what it is asked between frames ---------------------------------------
 

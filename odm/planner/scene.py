@@ -98,9 +98,10 @@ class Scene:
         made = Thing(name, _parts(name, thing), self._frame.rho)
         T = np.eye(4) if T is None else np.array(check_pose(T))
         standing = _in_reach(made.at(self._in_base(T)))
-        self._things[name] = made
-        self._objects[name] = SceneObject(name, made.parts, frozen(T, np.float64))
-        self._stand({**self._carrier.things, name: standing}, name)
+        with self._frame.memory.owner.changing("scene.add"):
+            self._things[name] = made
+            self._objects[name] = SceneObject(name, made.parts, frozen(T, np.float64))
+            self._stand({**self._carrier.things, name: standing}, name)
 
     def move(self, name: str, T: np.ndarray) -> None:
         """Let an object stand elsewhere.
@@ -116,8 +117,9 @@ class Scene:
         known = self[name]
         T = np.array(check_pose(T))
         standing = _in_reach(self._things[name].at(self._in_base(T)))
-        self._objects[name] = SceneObject(name, known.parts, frozen(T, np.float64))
-        self._stand({**self._carrier.things, name: standing}, name)
+        with self._frame.memory.owner.changing("scene.move"):
+            self._objects[name] = SceneObject(name, known.parts, frozen(T, np.float64))
+            self._stand({**self._carrier.things, name: standing}, name)
 
     def remove(self, name: str) -> None:
         """Take an object away.
@@ -125,10 +127,10 @@ class Scene:
         Raises:
             BadInput: There is no such object.
         """
-        self._frame.memory.owner.check()
-        del self._objects[self[name].name], self._things[name]
-        things = {k: v for k, v in self._carrier.things.items() if k != name}
-        self._stand(things, None)
+        with self._frame.memory.owner.changing("scene.remove"):
+            del self._objects[self[name].name], self._things[name]
+            things = {k: v for k, v in self._carrier.things.items() if k != name}
+            self._stand(things, None)
 
     def clear(self) -> None:
         """Take all objects away; what `set_static` set stays."""
@@ -166,13 +168,14 @@ class Scene:
         places = [T @ pose for *_, pose in read]
         for thing, pose in zip(made, places, strict=True):
             thing.at(self._in_base(pose))  # refuses what is too large
-        for thing, pose in zip(made, places, strict=True):
-            self._things[thing.name] = thing
-            self._objects[thing.name] = SceneObject(
-                thing.name, thing.parts, frozen(pose, np.float64)
-            )
-            standing = {thing.name: thing.at(self._in_base(pose))}
-            self._stand(self._carrier.things | standing, thing.name)
+        with self._frame.memory.owner.changing("scene.load"):
+            for thing, pose in zip(made, places, strict=True):
+                self._things[thing.name] = thing
+                self._objects[thing.name] = SceneObject(
+                    thing.name, thing.parts, frozen(pose, np.float64)
+                )
+                standing = {thing.name: thing.at(self._in_base(pose))}
+                self._stand(self._carrier.things | standing, thing.name)
         return [thing.name for thing in made]
 
     def save(self, path: str | Path) -> Path:

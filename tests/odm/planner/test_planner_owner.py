@@ -13,8 +13,10 @@ from small import AWAY, HOME, NOBODY, POST, ball_at
 import odm
 from odm.approach.approach import Approacher
 from roadmap.errors import BadInput, BadMap
+from roadmap.transforms import pose_of
 
 BALL = ball_at([0.3, 0.0, 0.35])  # in the arm at HOME
+SPHERE = odm.Sphere(0.05, pose_of([0.4, 0.0, 0.4]))
 
 
 @pytest.fixture
@@ -39,6 +41,47 @@ def in_thread(question):
     thread.start()
     thread.join()
     return box[0]
+
+
+# --- changes that are cut short ------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda planner: planner.set_base(np.eye(4)),
+        lambda planner: planner.set_static(NOBODY),
+        lambda planner: planner.set_extra_clearance(0.01),
+        lambda planner: planner.scene.add("ball", SPHERE),
+    ],
+)
+def test_who_is_cut_in_two_by_ctrl_c_answers_nobody(held, monkeypatch, change):
+    def cut(*rest, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(held.carrier, "set_place", cut)
+    held.carrier.things = {"post": None}  # something stood there
+    with pytest.raises(KeyboardInterrupt):
+        change(held)
+    held.take_over()
+    for question in (
+        lambda: held.step(NOBODY, q=HOME),
+        lambda: held.see(NOBODY, q=HOME),
+        lambda: held.is_free(HOME, AWAY),
+        lambda: held.invalid_edges(),
+        lambda: held.set_base(np.eye(4)),
+        lambda: held.improve(4),
+    ):
+        with pytest.raises(BadInput, match=r"cut short.*; make another one"):
+            question()
+
+
+def test_what_is_refused_cuts_nothing_short(held):
+    with pytest.raises(BadInput):
+        held.set_base(np.zeros((4, 4)))
+    with pytest.raises(BadInput):
+        held.detach()
+    assert held.step(NOBODY, q=HOME).status != "holding"
 
 
 # --- copies -----------------------------------------------------------------------
