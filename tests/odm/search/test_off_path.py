@@ -34,7 +34,7 @@ def on_blends(planner, path, places=7):
     return [p.at(p.begin + x * p.length)[0] for p in blends for x in shares]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, 2, 4])  # 3 comes to a straight motion
 def test_a_robot_on_a_blend_goes_on_without_being_attached(small_map, seed):
     planner, points, answer = on_its_way(small_map, seed)
     planner.step(points, q=HOME)
