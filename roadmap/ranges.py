@@ -16,6 +16,15 @@ def is_between(value: object, low: float, high: float) -> bool:
     return bool(low <= value <= high)  # type: ignore[operator]
 
 
+def is_number(word: str) -> bool:
+    """Return whether a word of a file reads as a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def check_number(
     name: str,
     value: float,

@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
+from roadmap.errors import PlanningError
+
 
 @contextmanager
 def in_processes(
@@ -28,7 +30,7 @@ def in_processes(
     raises is raised here. No process is left afterwards.
 
     Raises:
-        EOFError: A process ended before its jobs were done (from the iterator).
+        PlanningError: A process was ended from outside (from the iterator).
     """
     context = multiprocessing.get_context("spawn")
     ends, children = [], []
@@ -49,7 +51,13 @@ def in_processes(
 
 
 def _result(end: Connection) -> Any:
-    failed, result = end.recv()
+    try:
+        failed, result = end.recv()
+    except EOFError as error:
+        raise PlanningError(
+            "a process ended before its work was done: it was killed, or there is not "
+            "enough memory; close other programs, or take fewer processes"
+        ) from error
     if failed:
         raise result
     return result

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from roadmap.errors import BadRobot
+from roadmap.ranges import is_number
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 # A stop farther away than this is none: exporters write 1e16 for "endless" [rad].
@@ -222,21 +223,13 @@ def _check_words(root, filename: str) -> None:
     for part in (inner for one in parts for inner in one.iter(*_NUMBERS)):
         for key in _NUMBERS[part.tag]:
             for word in (part.get(key) or "").split():
-                if not _is_number(word):
+                if not is_number(word):
                     raise BadRobot(
                         f'<{part.tag} {key}="{part.get(key)}"> of {filename}, line '
                         f"{part.sourceline}, holds {word!r}, which is no number; write "
                         "numbers like 0.5 with blanks between them, and expand xacro "
                         "files first"
                     )
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _check_numbers(root, filename: str) -> None:
@@ -256,7 +249,7 @@ def _check_numbers(root, filename: str) -> None:
 
 def _is_beyond(number: str) -> bool:
     """Return whether an angle [rad] turns so far that it must be in degrees."""
-    return _is_number(number) and abs(float(number)) > MOST_TURNED
+    return is_number(number) and abs(float(number)) > MOST_TURNED
 
 
 def _is_xacro(tag: str) -> bool:

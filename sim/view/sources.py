@@ -2,6 +2,7 @@
 
 import bisect
 import pickle
+from abc import ABC, abstractmethod
 from collections import deque
 from contextlib import suppress
 from dataclasses import replace
@@ -38,7 +39,7 @@ _LOOKS = 100  # at so many frames of a recording the robot is looked at
 NO_ROWS = frozen(np.zeros((0, 5)), float)
 
 
-class Source:
+class Source(ABC):
     """Moments by time; one that never changes, unless a kind of source says more.
 
     Attributes:
@@ -58,9 +59,9 @@ class Source:
         """Return the first and the last moment that there is [s]."""
         return 0.0, 0.0
 
+    @abstractmethod
     def at(self, time_s: float) -> Moment | None:
         """Return the last moment that is not later, None where there is none yet."""
-        raise NotImplementedError
 
     def rows(self) -> np.ndarray:
         """Return (n, 5) all frames, see `Moment.rows`."""

@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 
+from roadmap.ranges import is_number
 from sim.people.mocap.tracks import BadMocap, Tracks, number
 
 HEADER = ("Objects", "Segments", "Trajectories", "Model Outputs")  # of the first line
@@ -103,7 +104,7 @@ def _data(
         try:
             values = [float(cell) if cell.strip() else np.nan for cell in row[:width]]
         except ValueError:
-            bad = next(c for c in row if c.strip() and not _is_number(c))
+            bad = next(c for c in row if c.strip() and not is_number(c))
             raise BadMocap(
                 f"line {line} of {source} holds {bad.strip()[:40]!r}, which is no "
                 "number; an empty cell is a gap"
@@ -124,11 +125,3 @@ def _data(
             f"{frames[-1]}: nearly all are left out; check the first column"
         )
     return np.array(frames), np.array(cells)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -2,6 +2,7 @@
 
 import json
 import operator
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequen
 from odm.audit.sequence_judge import Judge, solid_of
 from odm.audit.sequences import EVENTS, Sequence
 from odm.cell_map.recipe import PayloadRecipe
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, PlanningError
 
 ORDINARY = sorted(set(EVENTS) - {"grow"})
 
@@ -159,6 +160,12 @@ def test_processes_give_results_in_the_order_of_their_jobs():
     with in_processes(2, operator.neg, [20, 3, 9, "x"], operator.index, (1,)) as found:
         assert [next(found) for _ in range(3)] == [-20, -3, -9]
         with pytest.raises(TypeError, match="unary"):
+            next(found)
+
+
+def test_a_process_that_was_killed_is_told_in_a_sentence():
+    with in_processes(1, os._exit, [9], operator.index, (1,)) as found:
+        with pytest.raises(PlanningError, match=r"it was killed.*take fewer processes"):
             next(found)
 
 
