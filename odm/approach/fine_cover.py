@@ -28,7 +28,7 @@ _kept: dict[str, tuple[Robot, dict[str, float]]] = {}  # by the bare robot
 def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
     """Return the robot with tighter spheres on its outermost links, and their excess.
 
-    Takes a second or two per link, once per robot and process. The same robot gives the
+    Takes about a second per link, once per robot and process. The same robot gives the
     same spheres.
     """
     key = robot.fingerprint()

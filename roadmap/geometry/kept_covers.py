@@ -27,15 +27,15 @@ _HASH_BYTES = 32
 
 
 def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
-    """Return spheres (n, 4) as `cover_solids`, from a file where there is one [m]."""
+    """Return a close cover (n, 4) of a link, from a file where there is one [m]."""
     folder = cache_folder()
     if folder is None or not solids:
-        return cover_solids(solids, excess)
+        return cover_solids(solids, excess, closely=True)
     name = _name(solids, excess)
     file = folder / "covers" / name
     found = _read(file, name)
     if found is None:
-        found = cover_solids(solids, excess)
+        found = cover_solids(solids, excess, closely=True)
         with suppress(OSError):  # a full disk or a folder of others: not kept
             _write(file, name, found)
     return found
