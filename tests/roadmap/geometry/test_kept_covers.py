@@ -19,9 +19,9 @@ def found(monkeypatch, tmp_path):
     """Keep covers in a folder of the test; return how often one was found."""
     times = []
 
-    def count(solids, excess):
+    def count(solids, excess, closely):
         times.append(excess)
-        return cover_solids(solids, excess)
+        return cover_solids(solids, excess, closely)
 
     monkeypatch.setenv("ODM_CACHE", str(tmp_path))
     monkeypatch.setattr(kept_covers, "cover_solids", count)
