@@ -297,6 +297,11 @@ def _quick_joints(description: Description, tree: BodyTree) -> list[str]:
     ]
 
 
+def _breaks_turn(follower: Joint, factor: float) -> bool:
+    """Return whether a follower is elsewhere when its driver has turned once around."""
+    return factor != 0.0 if follower.kind == "prismatic" else factor != round(factor)
+
+
 def _joint_limits(description, moving, limits, drives):
     joints = [description.joints[name] for name in moving]
     notes, velocity, endless = [], [], []
@@ -311,9 +316,11 @@ def _joint_limits(description, moving, limits, drives):
                 "the file)"
             )
         velocity.append(fastest)
-        factors = [f for driver, f, _ in drives.values() if driver == joint.name]
         turns = joint.kind == "continuous"
-        if turns and any(f != round(f) for f in factors):
+        if turns and any(
+            driver == joint.name and _breaks_turn(description.joints[name], factor)
+            for name, (driver, factor, _) in drives.items()
+        ):
             notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
             turns = False
         endless.append(turns)

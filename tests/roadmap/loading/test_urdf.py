@@ -114,11 +114,16 @@ def test_a_follower_on_the_chain_makes_its_leader_move(urdf, link, joint):
     assert np.arctan2(R[1, 0], R[0, 0]) == pytest.approx(0.2 + 0.6 + 0.5)
 
 
-def test_a_continuous_joint_with_a_fractional_follower_does_not_wrap(urdf, link, joint):
+@pytest.mark.parametrize(
+    ("kind", "factor"), [("continuous", 0.5), ("prismatic", 1), ("prismatic", -0.05)]
+)
+def test_a_continuous_joint_does_not_wrap_where_a_follower_does_not(
+    kind, factor, urdf, link, joint
+):
     body = link("base") + link("a", BALL) + link("b", BALL)
     body += joint("j", "continuous", "base", "a")
-    half = '<mimic joint="j" multiplier="0.5"/>'
-    body += joint("k", "continuous", "a", "b", inside=half)
+    follows = f'<mimic joint="j" multiplier="{factor}"/>'
+    body += joint("k", kind, "a", "b", inside=follows)
     robot = load_robot(urdf(body), **COARSE)
     assert not robot.continuous.any()
     assert any("breaks the turn" in note for note in robot.notes)
