@@ -71,6 +71,13 @@ MOST_SAMPLES = 2_000_000  # of all shapes of a frame
 _AS_THE_MAP = None, None  # how points are sampled where nothing is told
 
 
+def _too_many(n: int) -> str:
+    return (
+        f"the shapes of the frame take {n} samples, more than {MOST_SAMPLES}; give "
+        "metres, or leave out what is far"
+    )
+
+
 class Frame:
     """The present frame, and what every test of a motion needs to know of it.
 
@@ -378,10 +385,7 @@ class Frame:
         trouble = None
         if n > len(room):  # too many samples: nothing was begun
             kernels.begin_step(memory.table, points, self._buffer_for(len(points)))
-            trouble = (
-                f"the shapes of the frame take {n} samples, more than {MOST_SAMPLES}; "
-                "give metres, or leave out what is far"
-            )
+            trouble = _too_many(n)
         elif n < 0:
             kind, k = memory.patterns.wrong.tolist()
             trouble = obstacles.trouble(kernels.WRONG - n, kind, k)
@@ -610,6 +614,7 @@ class Frame:
         self.memory.terms.extra[0] = self.extra
         self.memory.patterns.near[3] = self._half + self.extra
         self.set_sampling(self.sampled)
+        self._sample_again()
 
     def hand_changed(self) -> None:
         """Take up the table's new groups: another arm, other cells."""
@@ -632,6 +637,23 @@ class Frame:
         move_solids(self.solids, self.base_world @ before)
         p_world = moved_points(self.points, before)
         self.replace(self.world.points(p_world))
+        self._sample_again()
+
+    def _sample_again(self) -> None:
+        """Sample the frame's shapes where they are; others are near the grid now."""
+        # a memory that was loaded has no samples of its meshes: those it has stay
+        if self.obstacles is None or self.solids.count.item() == 0:
+            return
+        given, room = self.points[: self.n_given].copy(), self._nothing.xyz
+        table, n_given = self.memory.table, self.n_given
+        n = kernels.sample_again(table, room, n_given)
+        if n > MOST_SAMPLES:
+            self.trouble = _too_many(n)
+            return
+        room = self._buffer_for(n)
+        room[:n_given] = given
+        kernels.sample_again(table, room, n_given)
+        self.mark()
 
     # --- tests of motions ------------------------------------------------------
 

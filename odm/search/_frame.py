@@ -152,6 +152,15 @@ def begin_shapes(state, given, data, counts, room):
     return n + ODD if odd > 0 or counts[N_OUTSIDE] > counts[N_INSIDE] else n
 
 
+@njit(**LEAN)
+def sample_again(state, room, n):
+    """Write the samples of the frame's shapes behind row n of `room`, where these are.
+
+    Returns how many points that makes; only as many as there is room for are written.
+    """
+    return write_samples(view(state, "solids"), view(state, "patterns"), room, n)
+
+
 @njit(**INNER)
 def plan(state, starts, start_vertex, most, last):
     """Plan from scratch from robot_state.q to goals 0 to last - 1 in rank order.

@@ -225,6 +225,8 @@ def exercise(cell_map: CellMap) -> None:
             planner.separation(start)
             planner.blocked_leg(np.stack([start, goal]), 0.1, given)
             planner.evasion(start, [(0.1, given)], 0.5)
+        planner.set_base(np.eye(4))  # after which shapes are sampled again
+        planner.step(shapes, q=start)
         planner.expect(shapes)
         _improve_a_detour(planner, start, goal)
         planner.step(points, q=start, covering_radius=cell_map.safety.rho)

@@ -133,6 +133,23 @@ def test_shapes_are_given_in_the_world(small_map, rng):
     late.step(odm.Obstacles.of(in_world), q=HOME)
     late.set_base(T)
     assert [late.separation(q) for q in here] == pytest.approx(there, abs=1e-9)
+    assert np.array_equal(late.invalid_edges(), moved.invalid_edges())
+
+
+def test_what_is_near_as_more_distance_is_kept_has_samples_at_once(small_map):
+    wall = odm.Obstacles.of([odm.Box([8.0, 8.0, 0.01], _aside(2.0))])
+    before, after = odm.ReactivePlanner(small_map), odm.ReactivePlanner(small_map)
+    before.step(wall, q=HOME)
+    before.set_extra_clearance(0.5)
+    after.set_extra_clearance(0.5)
+    after.step(wall, q=HOME)
+    assert np.array_equal(before.points, after.points)
+
+
+def _aside(z):
+    T = np.eye(4)
+    T[2, 3] = z
+    return T
 
 
 def test_braking_asks_of_shapes_what_it_asks_of_the_frame(small_map, planner, rng):
