@@ -918,8 +918,10 @@ class ReactivePlanner:
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
 
-        Infinity when the frame has no point inside the grid; minus infinity after a
-        frame that could not be used: then the person may be anywhere.
+        And from its shapes. Points outside the grid are not counted: the cover is
+        farther than rho + m from them at every q, and that is all that is known.
+        Infinity when nothing is left; minus infinity after a frame that could not be
+        used: then the person may be anywhere.
 
         Raises:
             BadInput: Wrong length or not finite.
