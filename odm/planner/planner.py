@@ -931,7 +931,11 @@ class ReactivePlanner:
         return -np.inf if self.trouble is not None else self.frame.separation(q)
 
     def invalid_nodes(self) -> np.ndarray:
-        """Return the ids of the nodes that the frame invalidates, ascending."""
+        """Return the ids of the nodes that the frame invalidates, ascending.
+
+        Those near its surfaces, by their cells: a node wholly inside of a shape is not
+        among them where its surface is far, but every motion that leads there is.
+        """
         if self.trouble is not None:
             return np.arange(self.direct.n_nodes)
         return self.direct.nodes().copy()
