@@ -101,6 +101,7 @@ class SeenSpace:
         self._buffers.forget()
         self.stamp: float | None = None
         self._last: float | None = None  # stamp of the last frame, fit or not
+        self._newest = 0.0  # of the last that came in order
         self._clock = 0.0  # like the stamps, but it never goes back [s]
         self._seen_at = 0.0  # of the last fit frame, by that clock
 
@@ -182,6 +183,7 @@ class SeenSpace:
             return f"the images are stamped {stamp}; give the time they were taken"
         last, self._last = self._last, stamp
         if last is None:
+            self._newest = stamp
             return None
         if stamp < last:
             return (
@@ -189,7 +191,9 @@ class SeenSpace:
                 "ones, so what is remembered has no age; deliver images in order, by "
                 "one clock"
             )
-        self._clock += stamp - last
+        # what came late is passed over; else the clock was set back, and goes on
+        self._clock += stamp - (last if stamp < self._newest else self._newest)
+        self._newest = stamp
         return None
 
     def _look(self, images: list[np.ndarray]) -> str | None:
