@@ -208,7 +208,7 @@ class Handover:
         self._told_at = -np.inf
         self._braked = 0  # frames for which it has been braked on its way
         self._due = True  # whether grasps are looked for again, once there is time
-        self._allowance = Allowance()
+        self._allowance = Allowance.lasting(self.executor.period)
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         # (3,) where the object stands for itself; None: nowhere that is known
