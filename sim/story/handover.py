@@ -1001,6 +1001,8 @@ class Handover:
             if "blocked" in self._signalled and not self._back_off(seen):
                 self._reach_otherwise()
             step = self._step
+        elif self.state == table.RETREAT and self._hindered_s > self.settings.stuck_s:
+            self._berth.widen(self.settings.room)  # else it may creep, and never get by
         if self._begun is None:
             self._begun = self._now
         if step.kind == "targets":

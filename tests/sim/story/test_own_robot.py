@@ -52,7 +52,13 @@ def maps(meet_maps):
 
 
 def story_of(
-    maps, direction="give", pads=("flange",), node=None, before=0.1, **settings
+    maps,
+    direction="give",
+    pads=("flange",),
+    node=None,
+    before=0.1,
+    period=PERIOD,
+    **settings,
 ):
     """Return a story, its person and what it is about, before the first frame."""
     cell_map, reach, index = maps
@@ -74,7 +80,7 @@ def story_of(
         q = np.array(index.nodes[node])
         if before:
             q = straight_back(planner, index.T_base_tool[node], q, before)
-    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, PERIOD)
+    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, period)
     settings = sim.StorySettings(direction=direction, **settings)
     return sim.Handover(planner, targets, executor, settings), human
 
@@ -137,6 +143,26 @@ def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatc
     monkeypatch.setattr(Executor, "at_rest", property(lambda self: False))
     update(0.08)
     assert story.fingers == "open" and story._at == 0
+
+
+def test_a_robot_hindered_on_its_way_back_plans_it_with_room_for_the_person(maps):
+    """It had crept to 1.2 cm of a trunk by a way that was free, and stood there."""
+    story, human = story_of(maps)
+
+    def look(story, now, opened, closed):
+        return sim.StoryFrame(now, human, pulled(0.0), opened, holds=now < 0.1)
+
+    tell(story, 0.2, look)
+    assert story.state == "retreat" and story._berth.room < story.settings.room
+    story._hindered_s = 0.5
+    story.update(sim.StoryFrame(0.2, human, pulled(0.0), True, False))
+    assert story._berth.room == story.settings.room
+
+
+def test_frames_of_a_slow_sensor_may_do_more(maps):
+    story, human = story_of(maps, period=0.02)
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
+    assert story._allowance.units == 3000
 
 
 @pytest.mark.parametrize("beside", [True, False])
