@@ -41,6 +41,7 @@ from sim.story.settings import PARTNER, GraspingSettings
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
+HOLDS = dict(status="holding", path=np.zeros((0, 0)), retreat=None, reason="")
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -1226,6 +1227,22 @@ def test_somebody_who_is_in_reach_and_in_the_way_is_not_said_to_have_stayed_away
     event = next(e for e in story.events if e.failure)
     assert event.signal == ("taken_up" if state == "blocked" else "late")
     assert ("nobody came" in event.reason) == (state != "blocked")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_was_held_out_in_reach_is_not_said_to_have_been_out_of_it(
+    maps, monkeypatch, known
+):
+    story, human = story_of(maps, "receive", wait_s=0.1)
+    monkeypatch.setattr(story, "_plan", lambda *_: SimpleNamespace(**HOLDS))
+    if known:
+        story._reaches.found, story._reaches._T = [None], FAR
+    for k in range(13):
+        seen = human, pulled(0.0), True, False, FAR
+        story.update(sim.StoryFrame(PERIOD * k, *seen))
+    event = next(e for e in story.events if e.failure)
+    assert event.signal == ("taken_up" if known else "late")
+    assert ("nothing was held out" in event.reason) != known
 
 
 @pytest.mark.parametrize("wrench", [None, np.full(6, np.nan), np.zeros(6)])
