@@ -7,6 +7,8 @@ so the same frames do the same work on every machine.
 
 from handover.targets.settings import AllowanceSettings
 
+_UNITS, _PERIOD = 1500, 0.01  # of a frame at 100 Hz, and how long it lasts [s]
+
 
 class Allowance:
     """What a frame has left for work that can wait, in units of about a microsecond.
@@ -16,11 +18,20 @@ class Allowance:
     """
 
     def __init__(
-        self, units: int = 1500, takes: AllowanceSettings = AllowanceSettings()
+        self, units: int = _UNITS, takes: AllowanceSettings = AllowanceSettings()
     ) -> None:
         self.units, self.takes = units, takes
         self._put_off = 0
         self.begin()
+
+    @classmethod
+    def lasting(cls, period: float) -> "Allowance":
+        """Return that of a frame of `period` [s]: the slower they come, the more.
+
+        A frame of a slow sensor does more beside (it looks out in each), so that with
+        no more than at 100 Hz the rest would not be done at all.
+        """
+        return cls(max(_UNITS, round(_UNITS * period / _PERIOD)))
 
     def begin(self) -> None:
         """Begin a frame."""

@@ -15,7 +15,7 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.put_down import carries
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner
-from odm.cell_map.payload import carried_object
+from odm.cell_map.payload import carried_object, require_fit
 from odm.execution.settings import ExecutionSettings
 from odm.execution.stop_test import OWN_LIMITS, slowest_stop
 from odm.execution.threat import ThreatSettings
@@ -368,7 +368,7 @@ def setup_of(
 
     Without an object it is a wrench, held as far out as hand and arm ask. With `place`
     it has its place on the table, if one is within reach. `pads` are links that may
-    touch it; see `pads_of`.
+    touch it; see `pads_of`. A map's payload envelope that is too small is left out.
     """
     robot = cell_map.robot
     pads = pads_of(robot, pads)
@@ -377,6 +377,7 @@ def setup_of(
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
         told = story_wrench(), index.nodes, grasp_spare(robot)
         obj = held_farther_out(planner, *told)
+    cell_map = with_room_for(cell_map, obj)
     rest = rest_of(ReactivePlanner(cell_map), index, obj)
     setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
     if place:
@@ -384,6 +385,22 @@ def setup_of(
     if setup.T_place is not None:
         setup = replace(setup, T_others=other_places(setup))
     return setup
+
+
+def with_room_for(cell_map: CellMap, obj: HeldObject) -> CellMap:
+    """Return a map in which an object can be held: its own envelope, or none at all.
+
+    Without one the object counts by its own spheres, and ways with it in the hand are
+    searched beyond the roadmap.
+    """
+    if cell_map.payload is None:
+        return cell_map
+    held = carried_object(box_of(obj)).moved(obj.T_tool_object)
+    try:
+        require_fit(cell_map.payload.recipe, held)
+    except BadInput:
+        return replace(cell_map, payload=None)
+    return cell_map
 
 
 def own_object(

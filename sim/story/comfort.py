@@ -80,7 +80,8 @@ class Berth:
         threat: What is assumed of the person.
 
     Attributes:
-        room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly.
+        room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly,
+            until it stood braked on a way that was free.
         clearance: What every robot keeps [m].
         told: The least growth of the person's parts, as told last [m].
     """
@@ -88,7 +89,7 @@ class Berth:
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
         how = executor.settings, executor.period, threat
         comes = slowest_stop(executor.robot, *how)[1]
-        self.room = min(comes, _WIDEST) if comes > QUICK else 0.0
+        self._own = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
         self._larger = False  # whether any part was larger, as told last
@@ -96,8 +97,13 @@ class Berth:
 
     def begin(self) -> None:
         """Try anew, with another goal."""
+        self.room = self._own
         self._level, self._left, self._again = 0, 0, _LESS_FOR
         self._held = 0  # frames in a row
+
+    def widen(self, room: float) -> None:
+        """Keep at least `room` [m] from now on, until `begin`."""
+        self.room = max(self._own, room)
 
     def around(
         self,

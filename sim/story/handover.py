@@ -208,7 +208,7 @@ class Handover:
         self._told_at = -np.inf
         self._braked = 0  # frames for which it has been braked on its way
         self._due = True  # whether grasps are looked for again, once there is time
-        self._allowance = Allowance()
+        self._allowance = Allowance.lasting(self.executor.period)
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self._signalled: set[str] = set()  # what held in the last frame
         # (3,) where the object stands for itself; None: nowhere that is known
@@ -530,7 +530,7 @@ class Handover:
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
-            "taken_up": passed > limit and self._is_taken_up(),
+            "taken_up": passed > limit and self._is_taken_up(frame),
             "unfelt": passed > limit and not self._pull.felt,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
@@ -570,8 +570,12 @@ class Handover:
         """Whether the person blocked the places for most of `passed` [s]."""
         return self._places.beset or 2.0 * self._hindered_s > passed
 
-    def _is_taken_up(self) -> bool:
-        """Whether places in reach of both are known, and none is free."""
+    def _is_taken_up(self, frame: StoryFrame) -> bool:
+        """Whether places in reach are known to give or take it, and none is free."""
+        if not self._give:
+            T = frame.T_base_object
+            known = T is not None and bool(self._reaches.found)
+            return known and not self._object_moved(T)
         pursuit = self.targets.pursuit
         return pursuit.state == OCCUPIED and pursuit.targets > 0
 
@@ -966,7 +970,7 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "occupied", "hindered", "under_way")
+        late = signal in ("late", "occupied", "hindered", "under_way", "taken_up")
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()
@@ -1001,6 +1005,8 @@ class Handover:
             if "blocked" in self._signalled and not self._back_off(seen):
                 self._reach_otherwise()
             step = self._step
+        elif self.state == table.RETREAT and self._hindered_s > self.settings.stuck_s:
+            self._berth.widen(self.settings.room)  # else it may creep, and never get by
         if self._begun is None:
             self._begun = self._now
         if step.kind == "targets":

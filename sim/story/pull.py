@@ -112,6 +112,8 @@ class PullDetector:
             own: (3,) force of what is held, by its mass and the robot's motion, turned
                 with the hand [N]; None: not known. A force no larger than what this
                 differs from its own value at rest is the robot's doing, and no pull.
+                Nor is this very force: it is what is left when somebody lets go again
+                who took hold so gently that their pull counts as at rest.
         """
         wrench = np.asarray(wrench, float)
         if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
@@ -128,7 +130,11 @@ class PullDetector:
             self._rest = mean
         off = mean - self._rest
         self.force, added = math.hypot(*off[:3].tolist()), math.hypot(*off[3:].tolist())
-        if self.force >= more + added + s.force * (3.0 if moving else 1.0):
+        others = math.inf  # what the object does not account for
+        if own is not None:
+            others = math.hypot(*(mean[:3] - mean[3:]).tolist())
+        least = more + added + s.force * (3.0 if moving else 1.0)
+        if self.force >= least and others >= s.force:
             self.lasted += dt
             return
         self.lasted = 0.0

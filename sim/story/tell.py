@@ -124,9 +124,8 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
             f"{robot.name}'s joints are slow: it may take {times:.1f} times as long as "
             "a quick robot"
         )
-    return "\n".join(
-        filter(None, (told, _about_place(setup, run), slow, *quick, longer))
-    )
+    about = _about_place(setup, run), _about_envelope(setup)
+    return "\n".join(filter(None, (told, *about, slow, *quick, longer)))
 
 
 def _about_place(setup: StorySetup, run: StoryPlay) -> str:
@@ -143,6 +142,20 @@ def _about_place(setup: StorySetup, run: StoryPlay) -> str:
     if np.allclose((x, y), PLACE_XY):
         return ""
     return f"the object's place on the table is at ({x:.2f}, {y:.2f}) m, within reach"
+
+
+def _about_envelope(setup: StorySetup) -> str:
+    """Return a sentence where the map has an envelope that the object is too large for.
+
+    The setup goes without it then.
+    """
+    recipe = setup.cell_map.recipe
+    if recipe.payload is None or setup.cell_map.payload is not None:
+        return ""
+    return (
+        f"{setup.obj.name} is larger than the payload envelope of map {recipe.name}, "
+        "so ways with it in the hand are searched beyond the roadmap"
+    )
 
 
 def written(

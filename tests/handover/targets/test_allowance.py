@@ -45,6 +45,25 @@ def test_what_was_put_off_several_times_is_done_in_a_busy_frame_too():
     assert granted.index(True) == 4 and sum(granted) == 4
 
 
+@pytest.mark.parametrize("hertz", [100, 50, 20, 10])
+def test_frames_that_come_slowly_join_goals_though_each_looks_out(hertz):
+    """With as much as at 100 Hz none was ever joined: small things are done before."""
+    allowance, joined = Allowance.lasting(1.0 / hertz), False
+    takes = allowance.takes
+    for frame in range(10):
+        allowance.begin()
+        if hertz <= 50 or frame % 2:
+            allowance.spend(takes.look_out)
+        joined = joined or allowance.grants(takes.prepare)
+        allowance.grants(takes.tell)
+    assert joined
+
+
+def test_frames_that_come_fast_have_what_they_had():
+    assert Allowance.lasting(0.002).units == Allowance.lasting(0.01).units
+    assert Allowance.lasting(0.02).units == 2 * Allowance().units
+
+
 @pytest.mark.parametrize("busy", [0, 1000])
 def test_a_ranking_of_busy_frames_ends_in_the_same_targets(cell_map, robot_map, busy):
     human, planner = person(0.9), odm.ReactivePlanner(cell_map)

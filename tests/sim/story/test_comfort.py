@@ -147,6 +147,18 @@ def test_a_quick_robot_and_one_beside_nobody_are_told_of_what_there_is():
     assert berth_of(0.03, noise=0.5).room == 0.1
 
 
+def test_a_quick_robot_that_was_hindered_keeps_room_until_it_has_another_goal():
+    quick, there = berth_of(0.004), Obstacles(capsules=TWO)
+    quick.widen(0.02)
+    around = quick.around(there, 1, BALLS, False, False)
+    assert np.allclose(around.capsules[:, 6] - TWO[:, 6], [0.02, 0.0])
+    quick.begin()
+    assert quick.around(there, 1, BALLS, False, False) is there
+    slow = berth_of(0.03)
+    slow.widen(0.02)
+    assert np.isclose(slow.room, 0.03, atol=1e-4)  # it keeps more than that
+
+
 def test_who_stands_in_the_berth_already_comes_no_nearer_where_there_is_a_way():
     berth, near = berth_of(0.03), TWO.copy()
     near[1, 6] = 0.15  # 5 cm away

@@ -41,6 +41,7 @@ from sim.story.settings import PARTNER, GraspingSettings
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
+HOLDS = dict(status="holding", path=np.zeros((0, 0)), retreat=None, reason="")
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -52,7 +53,13 @@ def maps(meet_maps):
 
 
 def story_of(
-    maps, direction="give", pads=("flange",), node=None, before=0.1, **settings
+    maps,
+    direction="give",
+    pads=("flange",),
+    node=None,
+    before=0.1,
+    period=PERIOD,
+    **settings,
 ):
     """Return a story, its person and what it is about, before the first frame."""
     cell_map, reach, index = maps
@@ -74,7 +81,7 @@ def story_of(
         q = np.array(index.nodes[node])
         if before:
             q = straight_back(planner, index.T_base_tool[node], q, before)
-    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, PERIOD)
+    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, period)
     settings = sim.StorySettings(direction=direction, **settings)
     return sim.Handover(planner, targets, executor, settings), human
 
@@ -137,6 +144,26 @@ def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatc
     monkeypatch.setattr(Executor, "at_rest", property(lambda self: False))
     update(0.08)
     assert story.fingers == "open" and story._at == 0
+
+
+def test_a_robot_hindered_on_its_way_back_plans_it_with_room_for_the_person(maps):
+    """It had crept to 1.2 cm of a trunk by a way that was free, and stood there."""
+    story, human = story_of(maps)
+
+    def look(story, now, opened, closed):
+        return sim.StoryFrame(now, human, pulled(0.0), opened, holds=now < 0.1)
+
+    tell(story, 0.2, look)
+    assert story.state == "retreat" and story._berth.room < story.settings.room
+    story._hindered_s = 0.5
+    story.update(sim.StoryFrame(0.2, human, pulled(0.0), True, False))
+    assert story._berth.room == story.settings.room
+
+
+def test_frames_of_a_slow_sensor_may_do_more(maps):
+    story, human = story_of(maps, period=0.02)
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
+    assert story._allowance.units == 3000
 
 
 @pytest.mark.parametrize("beside", [True, False])
@@ -1200,6 +1227,22 @@ def test_somebody_who_is_in_reach_and_in_the_way_is_not_said_to_have_stayed_away
     event = next(e for e in story.events if e.failure)
     assert event.signal == ("taken_up" if state == "blocked" else "late")
     assert ("nobody came" in event.reason) == (state != "blocked")
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_what_was_held_out_in_reach_is_not_said_to_have_been_out_of_it(
+    maps, monkeypatch, known
+):
+    story, human = story_of(maps, "receive", wait_s=0.1)
+    monkeypatch.setattr(story, "_plan", lambda *_: SimpleNamespace(**HOLDS))
+    if known:
+        story._reaches.found, story._reaches._T = [None], FAR
+    for k in range(13):
+        seen = human, pulled(0.0), True, False, FAR
+        story.update(sim.StoryFrame(PERIOD * k, *seen))
+    event = next(e for e in story.events if e.failure)
+    assert event.signal == ("taken_up" if known else "late")
+    assert ("nothing was held out" in event.reason) != known
 
 
 @pytest.mark.parametrize("wrench", [None, np.full(6, np.nan), np.zeros(6)])

@@ -1,20 +1,24 @@
 """The object's place on the table is one that the robot reaches, or there is none."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import handover
 import odm as package
+from odm.cell_map.recipe import PayloadRecipe
 from roadmap.errors import BadInput
 from sim.cli import run_command
 from sim.draw.cover_world import CoverWorld
 from sim.story import cases
-from sim.story.cases import StoryCase, setup_of, upright
+from sim.story.cases import StoryCase, setup_of, upright, with_room_for
 from sim.story.film import write_story_film
 from sim.story.play import StoryPlay
 from sim.story.record import StoryRecorder
 from sim.story.request import DemoRequest
-from sim.story.tell import _about_place, _run_of
+from sim.story.tell import _about_envelope, _about_place, _run_of
 from sim.story.wrist import PlainWrist
 
 PADS = ("flange",)
@@ -85,3 +89,19 @@ def test_a_film_says_how_many_of_its_pictures_are_painted(maps, tmp_path):
     write_story_film(record, robot, world, path, None, tell)
     assert path.exists() and len(told) > 2
     assert told == [("writing the film", k, len(told)) for k in range(len(told))]
+
+
+@pytest.mark.parametrize("size, fits", [(0.4, True), (0.2, False)])
+def test_an_object_too_large_for_the_envelope_of_a_map_is_carried_without_it(
+    maps, size, fits
+):
+    """A bottle 6.6 cm thick was refused by the demo's own map."""
+    recipe = PayloadRecipe(size=(size, size, size), position=(0.0, 0.0, 0.1))
+    of_it = replace(maps[0].recipe, payload=recipe)
+    layer = SimpleNamespace(recipe=recipe)  # all that is asked of it here
+    cell_map = replace(maps[0], recipe=of_it, payload=layer)
+    found = with_room_for(cell_map, cases.story_wrench())
+    assert (found is cell_map) is fits and (found.payload is None) is not fits
+    assert with_room_for(maps[0], cases.story_wrench()) is maps[0]
+    setup = SimpleNamespace(cell_map=found, obj=cases.story_wrench())
+    assert ("larger than the payload envelope" in _about_envelope(setup)) is not fits

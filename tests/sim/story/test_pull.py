@@ -64,6 +64,21 @@ def test_a_robot_that_moves_feels_only_what_is_three_times_as_strong():
     assert feel(PullDetector(), np.vstack([still(50), pulled(60, 20.0)])).any()
 
 
+@pytest.mark.parametrize("moving", [True, False])
+def test_who_took_hold_gently_and_lets_go_again_leaves_the_hand_with_it(moving):
+    """Their pull counts as at rest by then: the hand let go of it, and it fell."""
+    forces = np.vstack([still(50), pulled(250, 10.0), still(150), pulled(60, 10.0)])
+    forces[50:300, 0] *= np.linspace(0.0, 1.0, 250)  # which nobody feels
+    for own in (None, WEIGHT):
+        detector, told = PullDetector(), []
+        for k, force in enumerate(forces):
+            wrench = np.concatenate([force, np.zeros(3)])
+            detector.feel(wrench, DT, moving and k < 300, own=own)
+            told.append(detector.pulled)
+        assert any(told[:450]) is (own is None)
+    assert told[-1] and told.index(True) <= 482
+
+
 def turned(kg):
     """Return the force of a mass in a hand that turns, and stops hard, (n, 3)."""
     angle = np.concatenate([np.zeros(50), np.linspace(0.0, 1.2, 60), np.full(90, 1.2)])
