@@ -103,7 +103,6 @@ class ChunkStore:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Look at nothing yet."""
         self.folder, self.found = folder, 0
         self._over, self._lock = False, threading.Lock()
 
@@ -287,7 +286,6 @@ class Threads:
     """
 
     def __init__(self, threads: int = 0, store: ChunkStore | None = None) -> None:
-        """Keep the arguments; no work yet."""
         self.threads, self.store = threads or os.cpu_count() or 1, store
 
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:

@@ -79,7 +79,6 @@ class Cluster:
         patience: float = PATIENCE_S,
         loads: str | None = None,
     ) -> None:
-        """Connect, and look at the workers."""
         if (scheduler is None) == (workers == 0):
             raise BadInput("give either a number of workers or the scheduler's address")
         self.dask = _distributed()
@@ -127,7 +126,6 @@ class Cluster:
         return self
 
     def __enter__(self) -> "Cluster":
-        """Return the cluster."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -28,7 +28,6 @@ class Sources:
     """The Python files of the packages in the folder `root`, and what each imports."""
 
     def __init__(self, root: Path) -> None:
-        """Read nothing yet."""
         self.root = root
         self.text = cache(Path.read_bytes)
         self.imported = cache(self._imported)

@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from numbers import Integral, Real
+from typing import Any
 
 from roadmap.errors import BadInput
 
@@ -72,19 +74,18 @@ def check_kind(
 
 
 def check_settings(
-    settings: object,
-    ranges: Mapping[str, tuple[float, float, str]],
-    whole: tuple[str, ...] = (),
+    settings: Any, ranges: Mapping[str, tuple[float, float, str]]
 ) -> None:
     """Check numbers of a frozen settings object: `ranges` are (least, largest, unit).
 
-    `whole` names the fields that are counts; a sentence names field, value and limits.
+    Fields declared as `int` must be whole; a sentence names field, value and limits.
     """
+    kinds = {field.name: field.type for field in fields(settings)}
     for field, (low, high, unit) in ranges.items():
         value = getattr(settings, field)
         name = f"{field} [{unit}]" if unit else field
         where = type(settings).__name__
-        check_number(name, value, low, high, field in whole, where)
+        check_number(name, value, low, high, kinds[field] is int, where)
 
 
 def check_row(

@@ -77,8 +77,7 @@ class GraspSettings:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        counts = ("samples", "rolls", "edges", "seed")
-        check_settings(self, _RANGES, counts)
+        check_settings(self, _RANGES)
 
 
 @dataclass(frozen=True, eq=False)

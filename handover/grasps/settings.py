@@ -25,5 +25,5 @@ class HoldSettings:
     drawn: int = 40
 
     def __post_init__(self) -> None:
-        names = tuple(one.name for one in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 100_000, "")), names)
+        names = (one.name for one in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 100_000, "")))

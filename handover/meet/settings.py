@@ -137,11 +137,10 @@ class FindSettings:
     batch: int = 10
 
     def __post_init__(self) -> None:
-        counts = ("attempts", "steps", "batch")
-        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
+        ranges: dict = dict.fromkeys(("attempts", "steps", "batch"), (1, 10_000, ""))
         ranges |= {"position_tolerance": (1e-9, 1.0, "m")}
         ranges |= {"rotation_tolerance": (1e-9, np.pi, "rad")}
-        check_settings(self, ranges, counts)
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True, eq=False)

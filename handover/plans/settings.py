@@ -75,7 +75,7 @@ class SolveSettings:
         counts = ("free_angles", "restarts", "steps", "samples")
         ranges: dict = dict.fromkeys(counts, (1, 50_000_000, ""))
         ranges |= {"error": (1e-9, 1.0, ""), "cell": (0.005, 0.5, "m")}
-        check_settings(self, ranges, counts)
+        check_settings(self, ranges)
         check_row(self, "shorter", 0.01, 1.0)
 
 
@@ -121,6 +121,4 @@ class PlanSettings:
     meetings: int = 8
 
     def __post_init__(self) -> None:
-        counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries",
-                  "first_budget", "postures", "starts", "meetings")  # fmt: skip
-        check_settings(self, _RANGES, counts)
+        check_settings(self, _RANGES)

@@ -156,7 +156,7 @@ class LiveSettings:
         counts |= {"idle": (1, 1000, ""), "alike": (0, 15, "")}
         counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
         counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
-        check_settings(self, lengths | counts, tuple(counts))
+        check_settings(self, lengths | counts)
 
     @property
     def starts(self) -> int:
@@ -202,5 +202,5 @@ class AllowanceSettings:
     patience: int = 4
 
     def __post_init__(self) -> None:
-        names = tuple(one.name for one in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")), names)
+        names = (one.name for one in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")))

@@ -49,7 +49,7 @@ class ApproachSettings:
             "class_m": (1e-4, 1.0, "m"),
             "ample_m": (0.0, 1.0, "m"),
         }
-        check_settings(self, ranges, ("ik_starts", "rounds", "max_tests"))
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,6 @@ class LegTest:
     """
 
     def __init__(self, frame: Frame, use_fine: bool) -> None:
-        """Lay out room for points."""
         self.frame, self.use_fine, self.motions = frame, use_fine, 0
         grid = frame.cell_map.grid
         # smaller blocks than the map's: dense points of a bin are told apart sooner

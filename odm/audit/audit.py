@@ -156,7 +156,6 @@ class Tally:
     """Sums chunks up, in their order."""
 
     def __init__(self, auditor: Auditor) -> None:
-        """Start from nothing."""
         self.auditor = auditor
         self.m = auditor.cell_map.safety.m
         self.complete = True

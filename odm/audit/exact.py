@@ -64,7 +64,6 @@ class ExactRobot:
     """
 
     def __init__(self, robot: Robot, base: bool = False) -> None:
-        """Gather the convex solids."""
         self.robot = robot
         parts = [_robot_part(robot, i) for i in range(len(robot.solid_kind))]
         self.convexes = gather(parts, robot.solid_link)

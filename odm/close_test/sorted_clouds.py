@@ -19,7 +19,6 @@ class SortedCloud:
     """
 
     def __init__(self, grid: WorkspaceGrid) -> None:
-        """Have no room yet."""
         self.grid = grid
         self._cloud = grid.new_cloud(0)
 
@@ -38,7 +37,6 @@ class SortedClouds:
     """Room for several sets of points at a time, on a map's grid."""
 
     def __init__(self, grid: WorkspaceGrid) -> None:
-        """Have no room yet."""
         self._grid = grid
         self._rooms: list[SortedCloud] = []
 

@@ -81,7 +81,6 @@ class StaticTest:
         threads: int = 0,
         finest: float = FINEST,
     ) -> None:
-        """Lay out scratch and the scenery's points."""
         self.robot, self.scenery, self.safety = robot, scenery, safety
         self.finest = finest
         self.arm = arm_of(robot)

@@ -79,7 +79,6 @@ class Executor:
         settings: ExecutionSettings | None = None,
         pace: PaceSettings = PaceSettings(),
     ) -> None:
-        """Stand at q."""
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
         s = self.settings = settings or ExecutionSettings()

@@ -73,7 +73,7 @@ class ExecutionSettings:
             "levels": (1, 100, ""),
             "lower": (0.01, 0.99, ""),
         }
-        check_settings(self, ranges, ("levels",))
+        check_settings(self, ranges)
 
     @property
     def slowest_scale(self) -> float:
@@ -117,13 +117,13 @@ class PaceSettings:
     quick_s: float = 0.05
 
     def __post_init__(self) -> None:
-        counts = ("keep_every", "retreat_every")
-        ranges: Ranges = dict.fromkeys(counts, (1, 10_000, ""))
+        every = ("keep_every", "retreat_every")
+        ranges: Ranges = dict.fromkeys(every, (1, 10_000, ""))
         times = ("look_ahead_s", "hindered_s", "quick_s")
         ranges |= dict.fromkeys(times, (0.0, 10.0, "s"))
         ranges |= dict.fromkeys(("again", "harder"), (1.0, 100.0, ""))
         ranges |= {"slowest": (1e-6, 1.0, ""), "tracking": (0.0, 0.1, "m")}
-        check_settings(self, ranges, counts)
+        check_settings(self, ranges)
         for name in ("retreats", "evasions"):
             check_row(self, name, 1e-6, 1.0)
 
@@ -176,10 +176,9 @@ class StopTestSettings:
     near: float = 0.01
 
     def __post_init__(self) -> None:
-        counts = ("at_once", "places")
         ranges: Ranges = {"at_once": (1, 1000, ""), "places": (2, 1000, "")}
         ranges |= dict.fromkeys(("slice_s", "shell_slice_s"), (1e-3, 10.0, "s"))
-        check_settings(self, ranges | {"near": (0.0, 1.0, "m")}, counts)
+        check_settings(self, ranges | {"near": (0.0, 1.0, "m")})
 
 
 @dataclass(frozen=True)
@@ -214,9 +213,7 @@ class IntentSettings:
     most: int = 24
 
     def __post_init__(self) -> None:
-        check_settings(
-            self, {"step_s": (1e-3, 10.0, "s"), "most": (1, 10_000, "")}, ("most",)
-        )
+        check_settings(self, {"step_s": (1e-3, 10.0, "s"), "most": (1, 10_000, "")})
 
 
 @dataclass(frozen=True)
@@ -241,7 +238,7 @@ class FollowSettings:
     def __post_init__(self) -> None:
         ranges: Ranges = dict.fromkeys(("drift_s", "spurt_s"), (1e-3, 10.0, "s"))
         ranges |= {"confirmed": (2, 1000, ""), "most_growth": (0.0, 100.0, "m")}
-        check_settings(self, ranges, ("confirmed",))
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)

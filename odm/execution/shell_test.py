@@ -90,7 +90,6 @@ class ShellTest:
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
-        """Keep the planner."""
         self.planner, self.settings = planner, StopTestSettings()
         self._shells: _Shells | None = None
 

@@ -56,7 +56,6 @@ class BrakingTest:
         planner: Any,  # noqa: ANN401
         settings: StopTestSettings = StopTestSettings(),
     ) -> None:
-        """Keep the planner."""
         self.planner, self.settings = planner, settings
 
     def passes(

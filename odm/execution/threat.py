@@ -466,7 +466,6 @@ class Watcher:
     def __init__(
         self, settings: ThreatSettings | None = None, follow: FollowSettings = _FOLLOW
     ) -> None:
-        """Start before the first frame."""
         self.follow = follow
         self.settings = s = settings or ThreatSettings()
         self._limits = np.array(

@@ -35,7 +35,6 @@ class TrackingMonitor:
         period: float,
         settings: TrackingSettings = TrackingSettings(),
     ) -> None:
-        """Nothing was measured."""
         self.robot, self.period, self.settings = robot, period, settings
         self.off, self.offset, self.note = 0.0, np.zeros(robot.dof), ""
         self._share = share + _ROUNDING

@@ -32,7 +32,6 @@ class Carrier:
     """
 
     def __init__(self, frame: Frame) -> None:
-        """Merge the layers, where the map has a payload layer."""
         self.frame, self.bare, self.robot = frame, frame.static, frame.robot
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {

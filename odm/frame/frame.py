@@ -109,7 +109,6 @@ class Frame:
         finger_pads: tuple[str, ...],
         watch: SensorWatch,
     ) -> None:
-        """Lay out all memory; nothing is seen, carried or placed."""
         self.cell_map, self.robot = cell_map, cell_map.robot
         self.finger_pads, self.watch = finger_pads, watch
         self.static = StaticTest(

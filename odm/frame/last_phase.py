@@ -39,7 +39,6 @@ class LastPhase:
     """
 
     def __init__(self, frame: Frame, grid: WorkspaceGrid | None = None) -> None:
-        """Lay out room."""
         self.frame = frame
         grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)

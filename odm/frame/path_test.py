@@ -25,7 +25,6 @@ class PathTest:
     """
 
     def __init__(self, frame: Frame, last_phase: LastPhase) -> None:
-        """Lay out memory for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
         self._shapes = SolidRoom()

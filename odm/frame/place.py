@@ -59,7 +59,6 @@ class Thing:
     """
 
     def __init__(self, name: str, parts: tuple, rho: float) -> None:
-        """Sample all surfaces."""
         self.name, self.parts = name, parts
         exact, covers, loose = [], [], [np.zeros((0, 3))]
         for part in parts:
@@ -181,7 +180,6 @@ class PlaceItems:
         static: StaticTest,
         closed: np.ndarray | None = None,
     ) -> None:
-        """Nothing stands there."""
         self._graph, self._direct, self._static = graph, direct, static
         n = len(graph.closed)
         self._closed = np.zeros(n, np.bool_) if closed is None else closed

@@ -92,7 +92,6 @@ class Obstacles:
         labels: Mapping[str, Sequence[str]] | None = None,
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
-        """Lay all rows out in one array."""
         if (
             spheres is cylinders is boxes is _NONE
             and points is labels is classes is None
@@ -427,7 +426,6 @@ class SolidRoom:
     """Room for obstacles that are no frame's: shapes as solids, without samples."""
 
     def __init__(self) -> None:
-        """Have no room yet."""
         sizes = {"shapes": 0, "faces": 0, "patterns": 0, "samples": 0}
         self._solids, self._patterns = new(Solids, sizes), new(Patterns, sizes)
 

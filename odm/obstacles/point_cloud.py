@@ -103,7 +103,6 @@ class PointCloud:
         spacing: float = 0.005,
         max_range_m: float | None = None,
     ) -> None:
-        """Do all of it."""
         points = point_floats(points)
         if points.ndim not in (2, 3) or points.shape[-1] != 3:
             raise BadInput(

@@ -53,7 +53,6 @@ class Attacher:
         candidates: Candidates,
         wanted: PlannerSettings,
     ) -> None:
-        """Attach nothing yet."""
         self.settings = AttachSettings()
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates

@@ -21,7 +21,6 @@ class CachedGoals:
     """
 
     def __init__(self, goals: kinds.Goals, most: int) -> None:
-        """Lay out the memory; know no goal."""
         self.most = most
         self._rows = {
             name: np.empty_like(getattr(goals, name)[:1]).repeat(most, axis=0)

@@ -56,7 +56,6 @@ class Connector:
     def __init__(
         self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
     ) -> None:
-        """Know no path, and no trees."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self.budget, self.settings = budget, ConnectSettings()
         self.trees, self.found = frame.memory.trees, frame.memory.found

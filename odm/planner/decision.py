@@ -72,7 +72,6 @@ class Decision:
         always_replan: bool,
         patience: int,
     ) -> None:
-        """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.new_goals = self.only_seen = self.joined = self._joins_first = False

@@ -50,7 +50,6 @@ class Reasons:
         searched: Callable[[], str],
         waiting: Callable[[], int],
     ) -> None:
-        """Remember the frame."""
         self.frame, self.attacher, self.trouble = frame, attacher, trouble
         self._searched, self._waiting = searched, waiting
         self._retreat = retreat

@@ -44,7 +44,6 @@ class Improver:
         join: Callable[[], bool],
         settings: ImproveSettings = ImproveSettings(),
     ) -> None:
-        """No look was taken."""
         self.settings = settings
         self.frame, self.path, self.candidate = frame, path, candidate
         self.cutter, self.smoother, self._join = cutter, smoother, join

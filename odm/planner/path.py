@@ -25,7 +25,6 @@ class PathInUse:
     """
 
     def __init__(self, frame: Frame) -> None:
-        """There is none yet."""
         self.frame = frame
         memory = frame.memory
         self._path, self._off_path = memory.path, memory.off_path
@@ -201,7 +200,6 @@ class CandidatePath(PathInUse):
     """
 
     def __init__(self, frame: Frame) -> None:
-        """There is none yet."""
         super().__init__(frame)
         m = frame.memory
         self._path, self._certificates, self._count = (
@@ -237,7 +235,6 @@ class Candidates:
     """
 
     def __init__(self, frame: Frame) -> None:
-        """Know none."""
         self._shortcuts = frame.memory.shortcuts
         self._earlier = frame.memory.earlier_paths
 

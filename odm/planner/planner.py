@@ -105,7 +105,6 @@ class ReactivePlanner:
         always_replan: bool = False,
         settings: PlannerSettings | None = None,
     ) -> None:
-        """Lay out all memory and compile nothing yet."""
         check_kind("cell_map", cell_map, CellMap, "give what odm.load_map returns")
         if settings is not None:
             remedy = "give odm.PlannerSettings(...)"

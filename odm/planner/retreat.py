@@ -34,7 +34,6 @@ class Retreat:
         attacher: Attacher,
         settings: RetreatSettings = RetreatSettings(),
     ) -> None:
-        """Have no room for what comes yet."""
         self.frame, self.attacher, self.settings = frame, attacher, settings
         self._coming = SortedClouds(frame.cell_map.grid)
         self._shapes: list[SolidRoom] = []

@@ -36,7 +36,6 @@ class StateArrays:
     """
 
     def __init__(self, memory: Memory) -> None:
-        """Keep the arrays."""
         self.memory = memory
 
     def save(self) -> dict[str, np.ndarray]:

@@ -63,7 +63,6 @@ class Scene:
         carrier: Carrier,
         changed: Callable[[str | None, bool], None],
     ) -> None:
-        """Nothing stands there."""
         self._frame, self._carrier, self._changed = frame, carrier, changed
         self._objects: dict[str, SceneObject] = {}
         self._things: dict[str, Thing] = {}

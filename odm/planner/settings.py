@@ -25,16 +25,6 @@ _RANGES = {
     "search": (0, 10_000_000, ""),
     "max_range_m": (0.1, 1e6, "m"),
 }
-_COUNTS = (
-    "goal_connections",
-    "start_connections",
-    "close_test_connections",
-    "confirmations",
-    "persistence_frames",
-    "point_capacity",
-    "cached_goals",
-    "search",
-)
 
 
 @dataclass(frozen=True)
@@ -98,7 +88,7 @@ class PlannerSettings:
     max_range_m: float = MAX_RANGE_M
 
     def __post_init__(self) -> None:
-        check_settings(self, _RANGES, _COUNTS)
+        check_settings(self, _RANGES)
         named = isinstance(self.finger_pads, tuple | list)
         if not named or not all(isinstance(link, str) for link in self.finger_pads):
             raise BadInput(
@@ -143,10 +133,10 @@ class AttachSettings:
     passes: float = 0.2
 
     def __post_init__(self) -> None:
-        names = [f.name for f in fields(self) if f.name not in ("nearer", "passes")]
+        names = (field.name for field in fields(self))
         ranges = dict.fromkeys(names, (1, 10_000, "")) | {"nearer": (1.0, 100.0, "")}
         ranges["passes"] = (0.0, 10.0, "rad or m")
-        check_settings(self, ranges, tuple(names))
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)
@@ -174,8 +164,8 @@ class ConnectSettings:
     per_test: int = 250
 
     def __post_init__(self) -> None:
-        names = tuple(field.name for field in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 10_000, "")), names)
+        names = (field.name for field in fields(self))
+        check_settings(self, dict.fromkeys(names, (1, 10_000, "")))
 
 
 @dataclass(frozen=True)
@@ -199,9 +189,9 @@ class ImproveSettings:
     nodes_at_first: int = 4
 
     def __post_init__(self) -> None:
-        names = tuple(f.name for f in fields(self) if f.name != "cut_saves")
+        names = (field.name for field in fields(self))
         ranges = dict.fromkeys(names, (1, 10_000, "")) | {"cut_saves": (0.0, 1.0, "")}
-        check_settings(self, ranges, names)
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)
@@ -232,9 +222,8 @@ class SmoothingSettings:
         ranges = dict.fromkeys(("worth", "much"), (0.0, 1.0, ""))
         ranges |= {"pace": (0.01, 1.0, ""), "lead_s": (0.0, 10.0, "s")}
         ranges |= {"detour": (1.0, 100.0, "")}
-        counts = ("draws", "wait", "corners")
-        ranges |= dict.fromkeys(counts, (1, 10_000, ""))
-        check_settings(self, ranges, counts)
+        ranges |= dict.fromkeys(("draws", "wait", "corners"), (1, 10_000, ""))
+        check_settings(self, ranges)
 
 
 @dataclass(frozen=True)
@@ -265,7 +254,7 @@ class RetreatSettings:
         ranges = dict.fromkeys(("near", "gain", "ample", "worth"), (0.0, 10.0, "m"))
         ranges |= dict.fromkeys(("tried", "directions"), (1, 10_000, ""))
         ranges["sets_off_s"] = (0.0, 10.0, "s")
-        check_settings(self, ranges, ("tried", "directions"))
+        check_settings(self, ranges)
         check_row(self, "shares", 1e-3, 1.0)
 
 
@@ -288,6 +277,6 @@ class PoseSettings:
     same: float = 0.15
 
     def __post_init__(self) -> None:
-        counts = ("seeds", "steps", "long", "enough")
-        ranges = dict.fromkeys(counts, (1, 10_000, "")) | {"same": (0.0, 10.0, "")}
-        check_settings(self, ranges, counts)
+        names = (field.name for field in fields(self))
+        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"same": (0.0, 10.0, "")}
+        check_settings(self, ranges)

@@ -30,7 +30,6 @@ class Cutter:
         attacher: Attacher,
         settings: ImproveSettings = ImproveSettings(),
     ) -> None:
-        """Keep what it works on."""
         self.settings = settings
         self.frame, self.path = frame, path
         self.candidates, self.attacher = candidates, attacher

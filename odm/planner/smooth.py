@@ -93,7 +93,6 @@ class Smoother:
         attacher: Attacher,
         wanted: PlannerSettings,
     ) -> None:
-        """Begin the order of the changes."""
         self.settings = settings = SmoothingSettings()
         self.frame, self.path, self.attacher = frame, path, attacher
         self.smoothing_clearance = wanted.smoothing_clearance

@@ -232,7 +232,6 @@ class DirectMap:
     """Counts of occupied blocks per item, kept up to date by what changed."""
 
     def __init__(self, memory: Memory, n_nodes: int, n_edges: int) -> None:
-        """Keep the planner's memory; nothing is occupied."""
         self.memory = memory
         self.n_nodes, self.n_edges = n_nodes, n_edges
         self.nodes_out = np.zeros(n_nodes, np.int64)

@@ -36,7 +36,6 @@ class Roadmap:
     adj_length: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and lay out the neighbours."""
         freeze(self, nodes=float, lengths=float, weights=float, landmarks=float)
         freeze(self, edges=np.int32)
         both = np.concatenate([self.edges[:, 0], self.edges[:, 1]])

@@ -108,7 +108,6 @@ class ToolDescent:
     def __init__(
         self, robot: JointTree, position: float, rotation: float, steps: int
     ) -> None:
-        """Lay out the memory."""
         self.chain, self.rows = _kept_chain(robot)
         self._work = descent_of(self.chain)
         self._trial = np.empty(len(self.rows))

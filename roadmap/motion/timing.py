@@ -133,7 +133,6 @@ class ProfileBuilder:
     """
 
     def __init__(self, state: State) -> None:
-        """Begin at time 0."""
         self.phases: list[Phase] = []
         self.t, self.state = 0.0, state
         self._otg: Any = None  # made when it is needed

@@ -64,11 +64,8 @@ class LoopSettings:
     once: bool = False
 
     def __post_init__(self) -> None:
-        counts = ("seed", "keep_paths", "improve")
-        ranges = {name: (0, 2**63, "") for name in counts}
-        check_settings(
-            self, {**ranges, "min_retreat_separation": (0.0, np.inf, "m")}, counts
-        )
+        ranges: dict = dict.fromkeys(("seed", "keep_paths", "improve"), (0, 2**63, ""))
+        check_settings(self, ranges | {"min_retreat_separation": (0.0, np.inf, "m")})
         check_times(self)
         if self.execution not in MOVERS:
             raise BadInput(
@@ -109,8 +106,7 @@ class NewPathSettings:
     expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
 
     def __post_init__(self) -> None:
-        counts = ("frames", "times")
-        check_settings(self, dict.fromkeys(counts, (1, 1000, "")), counts)
+        check_settings(self, dict.fromkeys(("frames", "times"), (1, 1000, "")))
         check_row(self, "expected", 0.0, 10.0, "s")
 
 

@@ -36,7 +36,7 @@ class WorkPlaceSettings:
         shares = ("forward", "side", "height", "apart")
         ranges: dict = dict.fromkeys(shares, (0.0, 1.0, ""))
         ranges["candidates"] = (1, 1_000_000, "")
-        check_settings(self, ranges, ("candidates",))
+        check_settings(self, ranges)
 
 
 class NoWorkPlaces(PlanningError):

@@ -455,9 +455,8 @@ class InReachSettings:
     apart: float = 0.02
 
     def __post_init__(self) -> None:
-        counts = ("tried", "starts", "steps")
-        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
-        check_settings(self, ranges | {"apart": (0.0, 1.0, "m")}, counts)
+        ranges: dict = dict.fromkeys(("tried", "starts", "steps"), (1, 10_000, ""))
+        check_settings(self, ranges | {"apart": (0.0, 1.0, "m")})
 
 
 @dataclass(frozen=True, eq=False)

@@ -119,7 +119,7 @@ class ConductSettings:
         ranges |= {"arrived": (1e-9, 0.1, "rad or m"), "tracked": (0.0, 0.1, "m")}
         ranges["moved_off"] = (0.001, 2.0, "m")
         ranges |= {"stands": (1e-9, 1.0, "rad/s or m/s"), "hurries": (0.1, 100.0, "")}
-        check_settings(self, ranges, counts)
+        check_settings(self, ranges)
         for name in ("expected", "untouched"):
             check_row(self, name, 0.0, 10.0, "s")
 
@@ -162,7 +162,7 @@ class GraspingSettings:
         ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
         ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
         ranges |= {"tolerance": (1e-9, 0.1, ""), "straight": (0.01, np.pi, "rad")}
-        check_settings(self, ranges, counts)
+        check_settings(self, ranges)
         check_row(self, "shares", 0.05, 1.0, "")
 
 

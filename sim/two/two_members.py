@@ -50,7 +50,7 @@ class TwoSettings:
 
     def __post_init__(self) -> None:
         ranges = {"script_rest_s": (0.0, 1e6, "s"), "improve": (0, 10**6, "")}
-        check_settings(self, ranges, ("improve",))
+        check_settings(self, ranges)
         check_times(self)
         check_shares(self, "speed_scale", "script_scale")
         if self.other not in (PLANNED, SCRIPTED):
