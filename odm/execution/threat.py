@@ -53,7 +53,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -66,6 +66,9 @@ from roadmap.ranges import check_settings
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
+_OF_PARTS = (
+    "capsules", "velocity", "error", "drift", "most", "window", "widening", "untouched"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -212,27 +215,11 @@ class Threat:
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the threat of some of the parts alone."""
         rows = np.arange(len(self.capsules)) if self.rows is None else self.rows
-        how = (self.drift, rows, self.most, self.window, self.widening, self.untouched)
-        drift, rows, most, window, widening, untouched = (
-            x if x is None else x[these] for x in how
-        )
-        return Threat(
-            self.capsules[these],
-            self.velocity[these],
-            self.error[these],
-            self.age,
-            self.settings,
-            drift,
-            self.unknown,
-            self.past,
-            rows,
-            most,
-            window,
-            widening,
-            untouched,
-            self.follow,
-            self.jerk,
-        )
+        some: dict[str, Any] = {"rows": rows[these]}
+        for name in _OF_PARTS:
+            known = getattr(self, name)
+            some[name] = None if known is None else known[these]
+        return replace(self, **some)
 
     def left_alone(self, these: slice, time: float) -> "Threat":
         """Return the threat where nothing accelerates some parts; see the module.

@@ -13,8 +13,8 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
-from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.obstacles import Obstacles, SolidRoom, is_small_hull, together
+from odm.obstacles.mesh_surface import cover_densely, is_small_hull
+from odm.obstacles.obstacles import Obstacles, SolidRoom, together
 from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
@@ -65,10 +65,12 @@ class Thing:
             if isinstance(part, Surface):
                 require_covering(part, rho)
                 loose.append(part.points)
-            elif isinstance(part, shapes.Mesh) and not is_small_hull(part):
-                loose.append(_mesh_points(part, rho))
-            else:
+            elif not isinstance(part, shapes.Mesh):
                 exact.append(part)
+            elif is_small_hull(part.vertices, part.faces):
+                exact.append(part)
+            else:
+                loose.append(_mesh_points(part, rho))
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
         self._solids_at(np.eye(4))  # refuses sizes before samples take their time
         covers = [surface_of(part, rho).points for part in exact]

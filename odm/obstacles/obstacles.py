@@ -12,6 +12,7 @@ from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
+from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.errors import BadInput
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
@@ -283,8 +284,6 @@ class Hull:
 
     def samples(self, spacing: float) -> np.ndarray:
         """Return points (n, 3) that cover the surface within `spacing` [m]."""
-        from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
-
         if self._samples is None or self._samples[0] != spacing:
             mesh = self.vertices, self.triangles
             points, _ = sample_closed_mesh(*mesh, spacing, FRAME_FINE)
@@ -324,13 +323,6 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, [0, 2, 1]]
     return Hull(kept, triangles)
-
-
-def is_small_hull(mesh: solid.Mesh) -> bool:
-    """Return whether the hull of a mesh stands for it; see `mesh_surface`."""
-    from odm.obstacles.mesh_surface import is_small_hull
-
-    return is_small_hull(mesh.vertices, mesh.faces)
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else

@@ -54,7 +54,6 @@ class Decision:
         frame: The present frame.
         path: The path in use.
         attacher: Joins a configuration to the roadmap.
-        always_replan: Search from scratch in every frame: nothing is kept.
         patience: Frames that a path must be there after one was blocked that was only
             just free.
 
@@ -69,7 +68,6 @@ class Decision:
         frame: Frame,
         path: PathInUse,
         attacher: Attacher,
-        always_replan: bool,
         patience: int,
     ) -> None:
         self.frame, self.path, self.attacher = frame, path, attacher
@@ -77,17 +75,7 @@ class Decision:
         self.new_goals = self.only_seen = self.joined = self._joins_first = False
         self._patience = patience
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
-        self.always_replan = always_replan
-
-    @property
-    def always_replan(self) -> bool:
-        """Whether every frame searches from scratch."""
-        return self._always
-
-    @always_replan.setter
-    def always_replan(self, always: bool) -> None:
-        self._always = always
-        self._memory.rules.always[0] = bool(always)
+        self._always = frame.memory.rules.always  # 1: search from scratch
 
     @property
     def waits(self) -> bool:
@@ -97,7 +85,7 @@ class Decision:
     @property
     def patience(self) -> int:
         """Frames in a row that a path must be free, after another was blocked."""
-        return 0 if self._always else self._patience
+        return 0 if self._always.item() else self._patience
 
     def frames_to_wait(self, beyond: int) -> int:
         """Return in how many more frames a path that is free only now must be found.
@@ -206,7 +194,7 @@ class Decision:
         Of the candidate first, then of the path in use, if that is not free.
         """
         for _ in range(2):
-            waits = self._numbers.candidate.item() and not self._always
+            waits = self._numbers.candidate.item() and not self._always.item()
             (self.attacher.candidate if waits else self.path).certify_off_path(q)
             said = step.respond(self._memory.table, q, now)
             if said % step.SEGMENT != step.OFF_PATH:

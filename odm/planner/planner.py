@@ -128,7 +128,7 @@ class ReactivePlanner:
         self.attacher = attacher
         # what works on it
         patience = s.persistence_frames if s.history_s else 0
-        self.decision = Decision(frame, path, attacher, always_replan, patience)
+        self.decision = Decision(frame, path, attacher, patience)
         self._shares = shares = ImproveSettings()
         self._improver = Improver(
             frame,
@@ -143,6 +143,7 @@ class ReactivePlanner:
         changed = partial(_scene_changed, self.carrier, attacher, self.connector)
         self.scene = Scene(frame, self.carrier, changed)
         self._retreat = Retreat(frame, attacher)
+        self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
         # what `respond` said last, and the rows and the goal that this stands for
@@ -176,11 +177,11 @@ class ReactivePlanner:
     @property
     def always_replan(self) -> bool:
         """Whether every frame searches from scratch; it may be set."""
-        return self.decision.always_replan
+        return bool(self._memory.rules.always.item())
 
     @always_replan.setter
     def always_replan(self, always: bool) -> None:
-        self.decision.always_replan = always
+        self._memory.rules.always[0] = bool(always)
 
     @property
     def smoother(self) -> Smoother:

@@ -15,7 +15,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.kinematics.tool_chain import ToolDescent
-from roadmap.ranges import is_between
+from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
 
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
@@ -93,7 +93,9 @@ class PoseGoals:
         self, poses: Sequence[np.ndarray], tolerance: object, most: int | None
     ) -> GoalReport:
         """Return valid configurations for poses; see `ReactivePlanner.set_goals`."""
-        tolerance, most = _checked_tolerance(tolerance), _checked_most(most)
+        tolerance = _checked_tolerance(tolerance)
+        if most is not None:
+            most = int(check_number("most", most, 1, MAX_GOALS, whole=True))
         rows = _checked_poses(poses)
         world, refused = self._frame.world, []
         found: list[tuple[tuple, int, np.ndarray]] = []
@@ -233,16 +235,6 @@ def _checked_tolerance(tolerance: object) -> tuple[float, float]:
         f"tolerance is {tolerance!r}; give (position in m, angle in rad), from 0.00001 "
         f"to {_LARGEST[0]:g} and {_LARGEST[1]:.3g}, or a position alone"
     )
-
-
-def _checked_most(most: int | None) -> int | None:
-    if most is None:
-        return None
-    if isinstance(most, bool) or not isinstance(most, int | np.integer):
-        raise BadInput(f"most is {most!r}; give a whole number from 1 to {MAX_GOALS}")
-    if not 1 <= most <= MAX_GOALS:
-        raise BadInput(f"most is {most}; give a whole number from 1 to {MAX_GOALS}")
-    return int(most)
 
 
 def _checked_poses(poses: Sequence[np.ndarray]) -> list[np.ndarray]:
