@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from odm.cameras._remember import GO_FREE, GO_OCCUPIED, GO_ON
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import check_settings
 
 POLICIES = {"free": GO_FREE, "occupied": GO_OCCUPIED, "keep": GO_ON}
 LARGEST_D_SELF = 0.01  # [m]
@@ -43,21 +43,16 @@ class SeenSettings:
 
     def __post_init__(self) -> None:
         ranges = {
-            "memory_s": (self.memory_s, 0.0, 60.0, "s"),
-            "speed": (self.speed, 0.0, 20.0, "m/s"),
-            "d_self": (self.d_self, 0.0, LARGEST_D_SELF, "m"),
-            "flying_m": (self.flying_m, 0.001, 1.0, "m"),
-            "noise_m": (self.noise_m, 0.0, 0.1, "m"),
-            "max_range_m": (self.max_range_m, 0.1, 1000.0, "m"),
+            "memory_s": (0.0, 60.0, "s"),
+            "speed": (0.0, 20.0, "m/s"),
+            "noise_m": (0.0, 0.1, "m"),
+            "max_range_m": (0.1, 1000.0, "m"),
         }
-        for name, (value, low, high, unit) in ranges.items():
-            if value is None and name in ("d_self", "flying_m"):
-                continue
-            if not is_between(value, low, high):
-                raise BadInput(
-                    f"{name} {value} {unit} must lie between {low} and {high} {unit}; "
-                    "change it in SeenSettings"
-                )
+        if self.d_self is not None:
+            ranges["d_self"] = (0.0, LARGEST_D_SELF, "m")
+        if self.flying_m is not None:
+            ranges["flying_m"] = (0.001, 1.0, "m")
+        check_settings(self, ranges)
         if self.policy not in POLICIES:
             raise BadInput(
                 f"the policy {self.policy!r} is unknown; choose one of "

@@ -17,6 +17,7 @@ from odm.planner._retreat import Coming, next_better
 from odm.planner.attaching import Attacher
 from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
+from roadmap.motion.blended_path import check_scale
 
 
 class Retreat:
@@ -91,10 +92,7 @@ class Retreat:
             BadInput: Wrong shape, dtype or length, a q or a time that is not finite, or
                 a share outside (0, 1].
         """
-        if not 0.0 < speed_scale <= 1.0:
-            raise BadInput(
-                f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
-            )
+        check_scale(speed_scale)
         frame, s = self.frame, self.settings
         q = check_numbers(frame.robot, q)
         if not np.isfinite([t for t, _ in coming]).all():

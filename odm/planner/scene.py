@@ -98,9 +98,7 @@ class Scene:
         T = np.eye(4) if T is None else np.array(check_pose(T))
         standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.add"):
-            self._things[name] = made
-            self._objects[name] = SceneObject(name, made.parts, frozen(T, np.float64))
-            self._stand({**self._carrier.things, name: standing}, name)
+            self._put(made, T, standing)
 
     def move(self, name: str, T: np.ndarray) -> None:
         """Let an object stand elsewhere.
@@ -113,12 +111,11 @@ class Scene:
             BadInput: There is no such object, or the pose is not rigid.
         """
         self._frame.memory.owner.check()
-        known = self[name]
+        made = self._things[self[name].name]
         T = np.array(check_pose(T))
-        standing = _in_reach(self._things[name].at(self._in_base(T)))
+        standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.move"):
-            self._objects[name] = SceneObject(name, known.parts, frozen(T, np.float64))
-            self._stand({**self._carrier.things, name: standing}, name)
+            self._put(made, T, standing)
 
     def remove(self, name: str) -> None:
         """Take an object away.
@@ -169,12 +166,7 @@ class Scene:
             thing.at(self._in_base(pose))  # refuses what is too large
         with self._frame.memory.owner.changing("scene.load"):
             for thing, pose in zip(made, places, strict=True):
-                self._things[thing.name] = thing
-                self._objects[thing.name] = SceneObject(
-                    thing.name, thing.parts, frozen(pose, np.float64)
-                )
-                standing = {thing.name: thing.at(self._in_base(pose))}
-                self._stand(self._carrier.things | standing, thing.name)
+                self._put(thing, pose, thing.at(self._in_base(pose)))
         return [thing.name for thing in made]
 
     def save(self, path: str | Path) -> Path:
@@ -272,6 +264,13 @@ class Scene:
 
     def _in_base(self, T_world: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(self._frame.base_world @ T_world)
+
+    def _put(self, made: Thing, T_world: np.ndarray, standing: Standing) -> None:
+        """Let a thing stand there, where it was or for the first time."""
+        name, pose = made.name, frozen(T_world, np.float64)
+        self._things[name] = made
+        self._objects[name] = SceneObject(name, made.parts, pose)
+        self._stand({**self._carrier.things, name: standing}, name)
 
     def _stand(self, things: dict[str, Standing], new: str | None) -> None:
         self.outside = self._carrier.set_place(things)
