@@ -93,13 +93,6 @@ def check_row(
 ) -> None:
     """Check a tuple of numbers of a frozen settings object.
 
-    Args:
-        settings: The object.
-        field: Name of the tuple.
-        low: Least that each number may be.
-        high: Largest that each may be.
-        unit: Of the numbers.
-
     Raises:
         BadInput: It is no tuple, is empty, or holds anything else; names the value.
     """

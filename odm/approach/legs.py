@@ -28,9 +28,7 @@ class Tested:
 class LegTest:
     """Tests motions against limits, the robot itself, scenery and the frame's points.
 
-    Args:
-        frame: Its map, scenery and points count.
-        use_fine: Let the finer cover decide where the map's says no.
+    With `use_fine` the finer cover decides where the map's says no.
 
     Attributes:
         motions: Number of motions tested so far.

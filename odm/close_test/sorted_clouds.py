@@ -13,9 +13,6 @@ class SortedCloud:
 
     Points outside the grid count, too: radii may be grown by extra clearance, or by how
     far a person can come. So its words are no occupancy.
-
-    Args:
-        grid: The map's grid.
     """
 
     def __init__(self, grid: WorkspaceGrid) -> None:

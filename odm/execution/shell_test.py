@@ -83,11 +83,7 @@ class _Shells:
 
 
 class ShellTest:
-    """Tests the stops of a retreat against a person who is within the cover.
-
-    Args:
-        planner: Its robot counts, with what it carries, and where its base stands.
-    """
+    """Tests the stops of a retreat against a person who is within the cover."""
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
         self.planner, self.settings = planner, StopTestSettings()

@@ -86,12 +86,7 @@ class SpeedSettings:
 
 
 class SpeedLimit:
-    """Says which share of its speed a robot may use, frame by frame.
-
-    Args:
-        robot: The robot.
-        settings: See SpeedSettings.
-    """
+    """Says which share of its speed a robot may use, frame by frame."""
 
     def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
         """Take the spheres of the links that joints move."""

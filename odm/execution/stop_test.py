@@ -46,9 +46,7 @@ class HeldOut(Protocol):
 class BrakingTest:
     """Tests stops against a person who moves on.
 
-    Args:
-        planner: Asked with `blocked_leg`: a planner, or a `HeldOut`.
-        settings: How finely.
+    Its planner answers `blocked_leg`: a planner of this package, or a `HeldOut`.
     """
 
     def __init__(

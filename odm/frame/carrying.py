@@ -22,9 +22,6 @@ class Carrier:
     Without such a layer the roadmap is closed while something is held, and the tool
     must stay where the map's grid sees what is around the object.
 
-    Args:
-        frame: Its memory and scenery must be laid out.
-
     Attributes:
         bare: The static test of the robot with nothing in its hand.
         robot: The robot with what is in its hand.

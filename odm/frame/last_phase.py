@@ -31,12 +31,7 @@ _TOUCHED = {"give": CONTACT, "receive": OBJECT}
 
 
 class LastPhase:
-    """The close test where some links may touch some points.
-
-    Args:
-        frame: Its hand and clearance count.
-        grid: Where points are laid out; None: the map's.
-    """
+    """The close test where some links may touch some points."""
 
     def __init__(self, frame: Frame, grid: WorkspaceGrid | None = None) -> None:
         self.frame = frame
@@ -110,11 +105,7 @@ class LastPhase:
     ) -> int | None:
         """Return the first leg of a path for which `hit` finds something, or None.
 
-        Args:
-            cover: As in `hit`.
-            path: (k, dof) corners; a single one is a robot at rest.
-            extra: As in `hit` [m].
-            escape: As in `hit`.
+        A single corner is a robot at rest.
         """
         tests = enumerate(self._tests(cover, extra))
         told = [

@@ -689,12 +689,8 @@ class Attacher:
     ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
         """Certify motions between q and the next near nodes that wait.
 
-        Args:
-            q: (dof,) the configuration of `vertex`.
-            vertex: Of the start or a goal.
-            wanted: Motions that it may have yet.
-            most: Nodes to try now.
-            outward: From q to the nodes; else the other way.
+        `vertex` is that of q, `wanted` how many motions it may have yet, `most` how
+        many nodes are tried now. `outward`: from q to the nodes; else the other way.
 
         Returns:
             How many were tried, the nodes (k,) and the motions' begins and

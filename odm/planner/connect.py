@@ -38,11 +38,7 @@ class FoundPath(NamedTuple):
 class Connector:
     """Looks for paths beyond the roadmap, and remembers those that it found.
 
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        attacher: Makes cells of legs, and numbers of vertices.
-        budget: Configurations that a frame looks at; 0: it never searches.
+    A frame looks at `budget` configurations; 0: it never searches.
 
     Attributes:
         looked: Configurations looked at for this start and these goals.

@@ -48,14 +48,8 @@ class Decision:
     """Decides what a frame comes to.
 
     The common frame is one compiled call (`odm/search/_step.py::respond`); what it
-    cannot answer alone is decided here.
-
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        attacher: Joins a configuration to the roadmap.
-        patience: Frames that a path must be there after one was blocked that was only
-            just free.
+    cannot answer alone is decided here. After a path was blocked that was only just
+    free, the next one must be there for `patience` frames.
 
     Attributes:
         new_goals: Goals were set since the last frame.
@@ -64,11 +58,7 @@ class Decision:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        path: PathInUse,
-        attacher: Attacher,
-        patience: int,
+        self, frame: Frame, path: PathInUse, attacher: Attacher, patience: int
     ) -> None:
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers

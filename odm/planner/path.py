@@ -16,9 +16,6 @@ class PathInUse:
     Each segment keeps the two ends of the motion that was certified. Whoever writes a
     segment certifies it; nothing else may be said about it.
 
-    Args:
-        frame: Its memory holds the path.
-
     Attributes:
         followed: Whether the frame before led along it.
         item, vertex, q: Of the segments and the corners; see `Path` of the search.

@@ -73,10 +73,6 @@ class PoseGoals:
     node keeps clear of the robot itself and of the recipe's scenery, and a solution a
     few steps away mostly does, too. Where the frame's obstacles are known, solutions
     that stand clear of them come first; then those with the least way from the robot.
-
-    Args:
-        frame: Robot, roadmap, scenery, and where the robot is.
-        settings: How many are looked for.
     """
 
     def __init__(self, frame: Frame, settings: PoseSettings = PoseSettings()) -> None:

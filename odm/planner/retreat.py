@@ -21,13 +21,7 @@ from roadmap.motion.blended_path import check_scale
 
 
 class Retreat:
-    """Finds motions away from the frame's points, or from what comes.
-
-    Args:
-        frame: Its points and what stands still count.
-        attacher: Knows the nodes that are near.
-        settings: What is worth a motion.
-    """
+    """Finds motions away from the frame's points, or from what comes."""
 
     def __init__(
         self,

@@ -31,8 +31,7 @@ _VERDICTS = (
 class StateArrays:
     """The arrays of the compiled loops that are declared to be remembered.
 
-    Args:
-        memory: The arrays; of pool, goals and trees only what is in use is saved.
+    Of pool, goals and trees only what is in use is saved.
     """
 
     def __init__(self, memory: Memory) -> None:

@@ -123,9 +123,6 @@ class SpeedProfile:
 class ProfileBuilder:
     """Collects phases one after the other, from a state on.
 
-    Args:
-        state: Where it begins.
-
     Attributes:
         phases: The phases so far.
         t: Time at their end [s].
