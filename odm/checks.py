@@ -85,11 +85,7 @@ def as_floats(name: str, values: object) -> np.ndarray:
 
 
 def point_floats(points: object) -> np.ndarray:
-    """Return points as `as_floats` does; few bits hold no places in metres.
-
-    Raises:
-        BadInput: Whole numbers of 8 or 16 bits, or what `as_floats` refuses.
-    """
+    """Return points as `as_floats` does; few bits hold no places in metres."""
     kind = getattr(points, "dtype", None)
     whole = isinstance(kind, np.dtype) and kind.kind in "iu"
     if whole and kind.itemsize < _LEAST_BYTES:

@@ -91,11 +91,7 @@ def check_settings(
 def check_row(
     settings: object, field: str, low: float, high: float, unit: str = ""
 ) -> None:
-    """Check a tuple of numbers of a frozen settings object.
-
-    Raises:
-        BadInput: It is no tuple, is empty, or holds anything else; names the value.
-    """
+    """Check a tuple of numbers of a frozen settings object."""
     row, where = getattr(settings, field), type(settings).__name__
     if not isinstance(row, tuple) or not row:
         raise BadInput(

@@ -58,8 +58,7 @@ class Carrier:
     def fitting(self, thing: object, T_tool_object: np.ndarray) -> CarriedObject:
         """Return an object as it would be held, in the tool frame.
 
-        Raises:
-            BadInput: It is larger than the map's envelope.
+        BadInput for one that is larger than the map's envelope.
         """
         thing = carried_object(thing).moved(check_pose(T_tool_object, "T_tool_object"))
         layer = self.frame.cell_map.payload

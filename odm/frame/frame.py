@@ -180,9 +180,6 @@ class Frame:
         """Return a frame's points and q as compiled loops take them.
 
         Its shapes and classes wait for `take`: what was refused is no frame.
-
-        Raises:
-            BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
         if get_ident() != self._owner.thread:
             self._owner.check()

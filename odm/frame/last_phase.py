@@ -54,8 +54,7 @@ class LastPhase:
     ) -> None:
         """Take points (n, 3) and solids in the base frame, and the classes of each.
 
-        Raises:
-            BadInput: No such phase; nothing to give; no pads to receive with.
+        BadInput for no phase, nothing to give, or no pads to receive with.
         """
         self._may = self._links_that_may(phase)
         if len(points) or self._chosen is None or len(self._chosen):

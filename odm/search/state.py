@@ -71,11 +71,7 @@ class Memory(Groups):
     counted: np.ndarray
 
     def __init__(self, groups: dict[str, tuple]) -> None:
-        """Keep the groups and write the table; it belongs to this thread.
-
-        Raises:
-            BadInput: An array is not as it is declared.
-        """
+        """Keep the groups and write the table; it belongs to this thread."""
         object.__setattr__(self, "owner", Owner())
         object.__setattr__(self, "counted", groups["stats"].popped.base)
         exchange(self, groups)

@@ -28,9 +28,7 @@ def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
     """Return the chain from the base to the tool, and the rows of its joints in `q`.
 
     Continuous joints have infinite limits, so that a descent goes on past half a turn.
-
-    Raises:
-        BadInput: No joint moves the tool.
+    BadInput where no joint moves the tool.
     """
     bodies, body = [], robot.tip_body
     while body > 0:

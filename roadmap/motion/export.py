@@ -18,11 +18,7 @@ _MOST = 10_000_000  # rows
 
 
 def sample_times(duration: float, rate_hz: float) -> np.ndarray:
-    """Return (n,) times [s] from 0 to the end, evenly but for the last step.
-
-    Raises:
-        BadInput: The rate is no positive number, or asks for more than 10 million rows.
-    """
+    """Return (n,) times [s] from 0 to the end, evenly but for the last step."""
     if not is_between(rate_hz, 1e-6, 1e6):
         raise BadInput(
             f"the rate is {rate_hz!r} Hz, but must be a number from 1e-06 to 1e+06; "
