@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 from roadmap.errors import BadInput
+
+_T = TypeVar("_T")
 
 
 def is_between(value: object, low: float, high: float) -> bool:
@@ -73,19 +75,31 @@ def check_kind(
         raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
 
 
-def check_settings(
-    settings: Any, ranges: Mapping[str, tuple[float, float, str]]
-) -> None:
-    """Check numbers of a frozen settings object: `ranges` are (least, largest, unit).
+def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
+    """Declare a field of a settings class, whose numbers are from `low` to `high`."""
+    return field(default=default, metadata={"range": (low, high, unit)})
 
-    Fields declared as `int` must be whole; a sentence names field, value and limits.
+
+def check_settings(
+    settings: Any, ranges: Mapping[str, tuple[float, float, str]] | None = None
+) -> None:
+    """Check the numbers of a frozen settings object, each declared by `setting`.
+
+    Or `ranges` says (least, largest, unit) of fields. One declared as `int` must be
+    whole; None is sound where it is the default.
     """
-    kinds = {field.name: field.type for field in fields(settings)}
-    for field, (low, high, unit) in ranges.items():
-        value = getattr(settings, field)
-        name = f"{field} [{unit}]" if unit else field
-        where = type(settings).__name__
-        check_number(name, value, low, high, kinds[field] is int, where)
+    where = type(settings).__name__
+    for one in fields(settings):
+        limits = one.metadata.get("range") if ranges is None else ranges.get(one.name)
+        value = getattr(settings, one.name)
+        if limits is None or (value is None and one.default is None):
+            continue
+        low, high, unit = limits
+        name = f"{one.name} [{unit}]" if unit else one.name
+        if isinstance(one.default, tuple):
+            check_row(settings, one.name, low, high, unit)
+        else:
+            check_number(name, value, low, high, one.type is int, where)
 
 
 def check_row(
@@ -100,3 +114,11 @@ def check_row(
     name = f"{field} [{unit}]" if unit else field
     for value in row:
         check_number(f"a value of {name}", value, low, high, False, where)
+
+
+@dataclass(frozen=True)
+class CheckedSettings:
+    """Settings whose numbers are checked when they are made."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)

@@ -62,7 +62,7 @@ from odm.execution._threat import Ability, Tracks, follow, write_between, write_
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
@@ -72,7 +72,7 @@ _OF_PARTS = (
 
 
 @dataclass(frozen=True)
-class ThreatSettings:
+class ThreatSettings(CheckedSettings):
     """Bounds on a person's motion, and on the error of its measurement.
 
     Attributes:
@@ -100,25 +100,13 @@ class ThreatSettings:
             (decision 0072).
     """
 
-    speed: float = 2.0
-    acceleration: float = 4.0
-    noise: float = 0.0
-    max_plausible_speed: float = 5.0
-    max_plausible_acceleration: float = 60.0
-    rise: float = 1.5
-    jerk: float = 80.0
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "speed": (0.0, 100.0, "m/s"),
-            "acceleration": (0.0, 1e4, "m/s2"),
-            "jerk": (0.0, 1e6, "m/s3"),
-            "noise": (0.0, 1.0, "m"),
-            "max_plausible_speed": (0.0, 1e3, "m/s"),
-            "max_plausible_acceleration": (0.0, 1e4, "m/s2"),
-            "rise": (0.0, 100.0, ""),
-        }
-        check_settings(self, ranges)
+    speed: float = setting(2.0, 0.0, 100.0, "m/s")
+    acceleration: float = setting(4.0, 0.0, 1e4, "m/s2")
+    noise: float = setting(0.0, 0.0, 1.0, "m")
+    max_plausible_speed: float = setting(5.0, 0.0, 1000.0, "m/s")
+    max_plausible_acceleration: float = setting(60.0, 0.0, 1e4, "m/s2")
+    rise: float = setting(1.5, 0.0, 100.0)
+    jerk: float = setting(80.0, 0.0, 1e6, "m/s3")
 
     @property
     def window(self) -> float:
