@@ -1,10 +1,10 @@
 """Numbers of settings and arguments are checked here, by one sentence."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from roadmap.errors import BadInput
 
@@ -80,45 +80,28 @@ def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
     return field(default=default, metadata={"range": (low, high, unit)})
 
 
-def check_settings(
-    settings: Any, ranges: Mapping[str, tuple[float, float, str]] | None = None
-) -> None:
-    """Check the numbers of a frozen settings object, each declared by `setting`.
-
-    Or `ranges` says (least, largest, unit) of fields. One declared as `int` must be
-    whole; None is sound where it is the default.
-    """
-    where = type(settings).__name__
-    for one in fields(settings):
-        limits = one.metadata.get("range") if ranges is None else ranges.get(one.name)
-        value = getattr(settings, one.name)
-        if limits is None or (value is None and one.default is None):
-            continue
-        low, high, unit = limits
-        name = f"{one.name} [{unit}]" if unit else one.name
-        if isinstance(one.default, tuple):
-            check_row(settings, one.name, low, high, unit)
-        else:
-            check_number(name, value, low, high, one.type is int, where)
-
-
-def check_row(
-    settings: object, field: str, low: float, high: float, unit: str = ""
-) -> None:
-    """Check a tuple of numbers of a frozen settings object."""
-    row, where = getattr(settings, field), type(settings).__name__
-    if not isinstance(row, tuple) or not row:
-        raise BadInput(
-            f"{field} is {row!r}, but must be a tuple of numbers; change it in {where}"
-        )
-    name = f"{field} [{unit}]" if unit else field
-    for value in row:
-        check_number(f"a value of {name}", value, low, high, False, where)
-
-
 @dataclass(frozen=True)
 class CheckedSettings:
-    """Settings whose numbers are checked when they are made."""
+    """Settings whose fields that `setting` declares are checked when they are made.
+
+    A field declared as `int` must be whole; None is sound where it is the default.
+    """
 
     def __post_init__(self) -> None:
-        check_settings(self)
+        where = type(self).__name__
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if "range" not in one.metadata or (value is None and one.default is None):
+                continue
+            low, high, unit = one.metadata["range"]
+            name = f"{one.name} [{unit}]" if unit else one.name
+            if not isinstance(one.default, tuple):
+                check_number(name, value, low, high, one.type is int, where)
+                continue
+            if not isinstance(value, tuple) or not value:
+                raise BadInput(
+                    f"{one.name} is {value!r}, but must be a tuple of numbers; change "
+                    f"it in {where}"
+                )
+            for number in value:
+                check_number(f"a value of {name}", number, low, high, False, where)

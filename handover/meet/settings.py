@@ -12,7 +12,7 @@ from handover.meet.constraints import Constraint
 from handover.reach.rotations import SIZES
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.transforms import check_pose
 
 PARTS = ("joint", "spatial", "visibility", "safety", "effort")
@@ -118,7 +118,7 @@ class QualitySettings:
 
 
 @dataclass(frozen=True)
-class FindSettings:
+class FindSettings(CheckedSettings):
     """How hard a configuration for a target is looked for (`find.find_handover`).
 
     Attributes:
@@ -130,17 +130,11 @@ class FindSettings:
         batch: Targets asked for at a time.
     """
 
-    position_tolerance: float = 1e-4
-    rotation_tolerance: float = 1e-3
-    attempts: int = 5
-    steps: int = 60
-    batch: int = 10
-
-    def __post_init__(self) -> None:
-        ranges: dict = dict.fromkeys(("attempts", "steps", "batch"), (1, 10_000, ""))
-        ranges |= {"position_tolerance": (1e-9, 1.0, "m")}
-        ranges |= {"rotation_tolerance": (1e-9, np.pi, "rad")}
-        check_settings(self, ranges)
+    position_tolerance: float = setting(1e-4, 1e-9, 1.0, "m")
+    rotation_tolerance: float = setting(1e-3, 1e-9, np.pi, "rad")
+    attempts: int = setting(5, 1, 10_000)
+    steps: int = setting(60, 1, 10_000)
+    batch: int = setting(10, 1, 10_000)
 
 
 @dataclass(frozen=True, eq=False)
