@@ -91,8 +91,8 @@ def kept_in(folder: Path) -> list[Path]:
     above = os.path.abspath(folder)  # as numba does it: links are not followed
     name = f"{folder.name}_{hashlib.sha1(above.encode()).hexdigest()}"
     places = [beside]
-    if told := os.environ.get("NUMBA_CACHE_DIR"):
-        places.append(Path(told) / name)
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        places.append(Path(chosen) / name)
     own = _user_cache() / name
     if own.exists() or not os.access(beside if beside.exists() else folder, os.W_OK):
         places.append(own)

@@ -50,8 +50,8 @@ class Place(NamedTuple):
         k, names = found, self.point_names
         if found <= FIRST_SOLID:
             k, names = FIRST_SOLID - found, self.solid_names
-        told = [name for first, name in names if first <= k]
-        return told[-1] if told else SET_STATIC
+        before = [name for first, name in names if first <= k]
+        return before[-1] if before else SET_STATIC
 
 
 SET_STATIC = "the scenery set by set_static"

@@ -285,8 +285,8 @@ class Executor:
     def _join(self, path: np.ndarray, commit: Commit) -> None:
         """Leave the motion in use for a path at the commit point."""
         scale = float(self.scales[self._level])
-        told = (self.motion, self.t, commit, path, self._blend, scale)
-        self._take(self._timed.join(*told, self.carrying))
+        joint = self.motion, self.t, commit, path, self._blend, scale
+        self._take(self._timed.join(*joint, self.carrying))
         self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s

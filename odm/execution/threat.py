@@ -288,8 +288,8 @@ class Threat:
         s, most = self.settings, self.follow.most_growth
         jerk = s.jerk if self.jerk is None else self.jerk
         limits = tuple(map(float, (s.noise, self._unknown, most, jerk)))
-        told = self._ability, limits, begin + age, end + age, room.capsules
-        return room, 0.0 if write_between(*told) else math.inf
+        growth = self._ability, limits, begin + age, end + age, room.capsules
+        return room, 0.0 if write_between(*growth) else math.inf
 
     def displacement_bound(self, time: float) -> float:
         """Return how far a part may be from where its velocity leads it by then [m]."""

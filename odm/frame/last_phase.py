@@ -107,11 +107,11 @@ class LastPhase:
         A single corner is a robot at rest.
         """
         tests = enumerate(self._tests(cover, extra))
-        told = [
+        blocked = [
             t.first_blocked(path, self._clouds[k], self._solids[k])
             for k, (t, _) in tests
         ]
-        begin = min((leg for leg in told if leg is not None), default=None)
+        begin = min((leg for leg in blocked if leg is not None), default=None)
         if begin is None or not escape:
             return begin  # what keeps its whole distance is an escape, too
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
@@ -131,9 +131,9 @@ class LastPhase:
         tolerance, work = self.frame.cell_map.motion_tolerance, cover.work
         grown = self.frame.grown
         all_radii = grown(cover.radii, cover.bare, extra)
-        told = (cover.arm, all_radii, tolerance, work, cover.bare + extra)
+        whole = (cover.arm, all_radii, tolerance, work, cover.bare + extra)
         few = (arm, grown(radii, bare, extra), tolerance, work, bare + extra)
-        return [(CloseTest(*told), None), (CloseTest(*few), kept)]
+        return [(CloseTest(*whole), None), (CloseTest(*few), kept)]
 
     def _protected_spheres(
         self, cover: Cover

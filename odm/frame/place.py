@@ -115,8 +115,8 @@ def place_of(things: Iterable[Standing]) -> Place:
     solids, of_solids = together([thing.solids for thing in things])
     of_points = np.cumsum([0, *(len(thing.points) for thing in things)])
     firsts = of_points.tolist(), of_solids.tolist()  # and the ends, which name nothing
-    told = (tuple(zip(first, names, strict=False)) for first in firsts)
-    return Place(points, solids, *told)
+    named = (tuple(zip(first, names, strict=False)) for first in firsts)
+    return Place(points, solids, *named)
 
 
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:

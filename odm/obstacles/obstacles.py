@@ -147,14 +147,14 @@ class Obstacles:
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
 
-    def _classify(self, told: dict) -> None:
+    def _classify(self, classes: dict) -> None:
         """Keep the classes of points and of all shapes."""
-        if "points" in told:
-            self.classes = np.asarray(told["points"])
+        if "points" in classes:
+            self.classes = np.asarray(classes["points"])
         ends = np.cumsum(self.counts).tolist()
         for kind, n, end in zip(KINDS, self.counts.tolist(), ends, strict=True):
-            if kind in told:
-                own = np.asarray(check_classes(told[kind], n))
+            if kind in classes:
+                own = np.asarray(check_classes(classes[kind], n))
                 self.shape_classes[end - n : end] = own
 
     @classmethod
@@ -237,23 +237,23 @@ class Obstacles:
             )
         there[...] = rows
 
-    def _by_kind(self, what: str, told: object, kinds: tuple[str, ...]) -> dict:
-        if told is None:
+    def _by_kind(self, what: str, given: object, kinds: tuple[str, ...]) -> dict:
+        if given is None:
             return {}
-        if not isinstance(told, Mapping) or not set(told) <= set(kinds):
+        if not isinstance(given, Mapping) or not set(given) <= set(kinds):
             raise BadInput(
-                f"{what} are {told!r}; give a mapping from some of {', '.join(kinds)} "
+                f"{what} are {given!r}; give a mapping from some of {', '.join(kinds)} "
                 "to one for each"
             )
-        told = {kind: values for kind, values in told.items() if values is not None}
-        for kind, values in told.items():
+        given = {kind: values for kind, values in given.items() if values is not None}
+        for kind, values in given.items():
             n = len(self._points if kind == "points" else self._views[kind])
             if len(values) != n:
                 raise BadInput(
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "
                     "each"
                 )
-        return told
+        return given
 
 
 class Hull:

@@ -349,12 +349,12 @@ class Attacher:
         m, left = self.frame.memory, most
         n, number = int(m.goals.count[0]), self.frame.number
         if self.start_waits:
-            vertex, looks = m.goals.count.item(1), self.settings.looks
+            vertex, looks = m.goals.count.item(1), self.settings.waiting_tests
             free, _ = self._free_first(vertex, self.q_attached, looks)
             if free:
                 done = self._more_of_start(min(free, left))
                 self.start_waits, left = done > 0, left - done
-        looks = self.settings.looks
+        looks = self.settings.waiting_tests
         for g in range(number, number + n):
             g %= n
             if not left or not looks:

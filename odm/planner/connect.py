@@ -81,7 +81,7 @@ class Connector:
         self._asked = self.frame.number
         if self.path.followed and (waits or self._is_mine()):
             self.frames_to_persist = patience
-        joins = self.is_new or self.frame.number % self.settings.joins_in == 0
+        joins = self.is_new or self.frame.number % self.settings.join_every == 0
         return self._free_path(q, joins)
 
     def search(self, q: np.ndarray, moves: bool) -> FoundPath | None:
@@ -140,7 +140,7 @@ class Connector:
         s, most = self.settings, self.budget // 4
         return int(self._search(s.per_test * budget, min(most, s.shorten)))
 
-    def told(self) -> str:
+    def progress(self) -> str:
         """Return how far a search has come, for an explanation."""
         if not self.looked:
             return ""

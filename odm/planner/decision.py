@@ -63,7 +63,7 @@ class Decision:
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.new_goals = self.only_seen = self.joined = self._joins_first = False
-        self._patience = patience
+        self._patience, self._joining = patience, attacher.settings
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self._always = frame.memory.rules.always  # 1: search from scratch
 
@@ -199,7 +199,7 @@ class Decision:
             self._numbers.stood[0] = -1
             if stands:
                 self._join(NEW_GOALS, q, STANDS)
-        elif stands and self._numbers.stood.item() + 1 >= self.attacher.settings.stays:
+        elif stands and self._numbers.stood.item() + 1 >= self._joining.rejoin_in:
             self._join(LINGERS, q, STANDS)
 
     def join_between(self) -> bool:
@@ -208,8 +208,8 @@ class Decision:
         Where it stands, a better path may leave by other nodes than those on its path.
         """
         q, self._looked = self.frame.q, self.frame.number
-        lingers = self._numbers.stood.item() >= self.attacher.settings.lingers
-        if self.attacher.without_cells and lingers:
+        idle = self._numbers.stood.item() >= self._joining.rejoin_idle_in
+        if self.attacher.without_cells and idle:
             return self._join(LINGERS, q)
         if self.robot == STANDS and self.sees_better_goal():
             return self._join(BETTER_GOAL, q)
@@ -242,7 +242,7 @@ class Decision:
         if not np.isfinite(robot.before).all():
             return JUMPED
         moved = np.abs(self.frame.difference(robot.before, robot.q)).max()
-        return MOVES if moved < self.attacher.settings.passes else JUMPED
+        return MOVES if moved < self._joining.jump else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what came since the last frame, and the last look."""

@@ -116,8 +116,10 @@ class PathInUse:
         if self._tube_is_free and off @ self._certificates.motion_bound <= _TUBE_RADIUS:
             off_path.free[:] = 1
         else:
-            told = np.stack([q, q]), off_path.q[1:] - q
-            off_path.free[:] = static.motions_free(*told, nearer=static.safety.rounding)
+            motions = np.stack([q, q]), off_path.q[1:] - q
+            off_path.free[:] = static.motions_free(
+                *motions, nearer=static.safety.rounding
+            )
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.

@@ -391,8 +391,8 @@ class ReactivePlanner:
         points = check_points(what, None, None, np.inf)
         if self.settings.history_s:
             points = self.frame.world_ahead.points(points)
-            told = writable(points), writable(rods), self.frame.base_world
-            expected.expect(self._memory.table, *told, np.empty((3, 3)))
+            kept_off = writable(points), writable(rods), self.frame.base_world
+            expected.expect(self._memory.table, *kept_off, np.empty((3, 3)))
 
     def step(
         self,
@@ -567,9 +567,8 @@ class ReactivePlanner:
 
     def _hold(self, begun: int, closed: bool, trouble: str | None) -> Answer:
         self.path.followed = False
-        told = self.connector.told
-        how = told, self._frames_to_wait
-        why = Reasons(self.frame, self.attacher, self._retreat, trouble, *how)
+        state = trouble, self.connector.progress, self._frames_to_wait
+        why = Reasons(self.frame, self.attacher, self._retreat, *state)
         return self._answer(HOLDING, self._nowhere, None, begun, closed, None, why)
 
     def _frames_to_wait(self) -> int:
@@ -715,7 +714,7 @@ class ReactivePlanner:
             "map": _told_apart(self.cell_map),
             "settings": repr((self.settings, self.always_replan)).encode(),
             "base": self.world.T_world_base.tobytes(),
-            "place": self.scene.told(),
+            "place": self.scene.identity(),
             "hand": b"" if hand is None else hand.tobytes(),
             "clearance": repr(self.extra).encode(),
         }
@@ -972,8 +971,8 @@ class ReactivePlanner:
                 that cannot be, or bad classes.
         """
         self.memory.owner.check()
-        told = (path, extra, points, phase, classes, escape)
-        return self._path_test.blocked_leg(*told)
+        asked = path, extra, points, phase, classes, escape
+        return self._path_test.blocked_leg(*asked)
 
     def evasion(
         self,

@@ -59,11 +59,11 @@ class GoalReport:
 
     def __repr__(self) -> str:
         """Say how many are set and the first reason of what is not."""
-        told = f"GoalReport({len(self.goals)} goals set"
+        text = f"GoalReport({len(self.goals)} goals set"
         if self.refused:
             first = self.refused[0]
-            told += f", {len(self.refused)} refused; {first.index}: {first.reason}"
-        return told + ")"
+            text += f", {len(self.refused)} refused; {first.index}: {first.reason}"
+        return text + ")"
 
 
 class PoseGoals:

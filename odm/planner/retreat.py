@@ -179,8 +179,8 @@ class _Expected(NamedTuple):
         coming = Coming(self.solids, self.ptr, self.times)
         while True:
             bounds = np.array([first, best, self.ample])
-            told = (memory.arm, coming, q, dq, needed, bounds, memory.work)
-            k, gap = next_better(*told)
+            arguments = (memory.arm, coming, q, dq, needed, bounds, memory.work)
+            k, gap = next_better(*arguments)
             if k == len(dq) or not self.clouds:
                 return k, gap
             gap = self._from_points(q, dq[k], needed[k], gap, best)

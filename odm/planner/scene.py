@@ -251,7 +251,7 @@ class Scene:
             for part in one.parts
         ]
 
-    def told(self) -> bytes:
+    def identity(self) -> bytes:
         """Return what tells this scene from others, as bytes."""
         static = self._p_world_static
         words = [b"" if static is None else static.tobytes()]
@@ -280,9 +280,9 @@ class Scene:
         text = isinstance(name, str) and name.isprintable() and name == name.strip()
         if not text or not 0 < len(name) <= LONGEST_NAME:
             short = isinstance(name, str | int | float | None)
-            told = repr(name) if short else f"a {type(name).__name__}"
+            it = repr(name) if short else f"a {type(name).__name__}"
             raise BadInput(
-                f"an object of the scene cannot be called {told}; give its name first, "
+                f"an object of the scene cannot be called {it}; give its name first, "
                 f"a line of 1 to {LONGEST_NAME} characters, no blank at its ends"
             )
         if name in self._objects or name == STATIC:

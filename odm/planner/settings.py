@@ -94,11 +94,13 @@ class AttachSettings(CheckedSettings):
             the length of the whole path through them.
         moving_nodes: Near nodes that a moving robot may be joined to,
         moving_connections: ... and how many of them it is joined to at most.
-        looks: Waiting nodes that a frame without a path tests, of start and goals.
+        waiting_tests: Waiting nodes of start and goals that a frame without a path
+            tests.
         path_first: Tests of `improve` spent on a new start's path before its motions.
-        stays: Frames at one place without a path, after which a start is joined anew,
-        lingers: ... or, between frames, with a path that could be followed.
-        passes: A robot that moved farther than this in a frame has jumped [rad or m].
+        rejoin_in: Frames at one place without a path, after which a start is joined
+            anew,
+        rejoin_idle_in: ... or, between frames, with a path that could be followed.
+        jump: A robot that moved farther than this in a frame has jumped [rad or m].
     """
 
     looked_at: int = setting(4, 1, 10_000)
@@ -109,11 +111,11 @@ class AttachSettings(CheckedSettings):
     nearer: float = setting(1.5, 1.0, 100.0)
     moving_nodes: int = setting(6, 1, 10_000)
     moving_connections: int = setting(3, 1, 10_000)
-    looks: int = setting(8, 1, 10_000)
+    waiting_tests: int = setting(8, 1, 10_000)
     path_first: int = setting(8, 1, 10_000)
-    stays: int = setting(3, 1, 10_000)
-    lingers: int = setting(12, 1, 10_000)
-    passes: float = setting(0.2, 0.0, 10.0, "rad or m")
+    rejoin_in: int = setting(3, 1, 10_000)
+    rejoin_idle_in: int = setting(12, 1, 10_000)
+    jump: float = setting(0.2, 0.0, 10.0, "rad or m")
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class ConnectSettings(CheckedSettings):
         again: ... then, and where the robot moves, this part,
         rest: ... and once all is spent in one place, only every `rest`-th frame
             searches.
-        joins_in: Every so many frames a standing robot is joined to a found path's
+        join_every: Every so many frames a standing robot is joined to a found path's
             corners,
         joins: ... to so many of them.
         per_test: Configurations for each motion that `improve` may test.
@@ -136,7 +138,7 @@ class ConnectSettings(CheckedSettings):
     part: int = setting(8, 1, 10_000)
     again: int = setting(16, 1, 10_000)
     rest: int = setting(8, 1, 10_000)
-    joins_in: int = setting(4, 1, 10_000)
+    join_every: int = setting(4, 1, 10_000)
     joins: int = setting(3, 1, 10_000)
     per_test: int = setting(250, 1, 10_000)
 

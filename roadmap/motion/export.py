@@ -48,13 +48,13 @@ def as_joint_trajectory(
         Plain data: "joint_names", and "points" with "positions", "velocities",
         "accelerations" and "time_from_start" {"sec", "nanosec"}.
     """
-    told = []
+    listed = []
     for t, *rows in zip(times.tolist(), *points, strict=True):
         names = ("positions", "velocities", "accelerations")
         point = {k: row.tolist() for k, row in zip(names, rows, strict=True)}
         sec, nanosec = divmod(round(t * 1e9), 10**9)
-        told.append(point | {"time_from_start": {"sec": sec, "nanosec": nanosec}})
-    return {"joint_names": list(joint_names), "points": told}
+        listed.append(point | {"time_from_start": {"sec": sec, "nanosec": nanosec}})
+    return {"joint_names": list(joint_names), "points": listed}
 
 
 def write_csv(
