@@ -261,7 +261,7 @@ def _blamed(job: Job, made: object, chunk: Chunk, error: Exception) -> BuildRefu
         try:
             function(made, *rows, *chunk.arrays[n:])
         except Exception as alone:
-            text = f"{job.stage} {chunk.first + k} failed: {_told(alone)}"
+            text = f"{job.stage} {chunk.first + k} failed: {_sentence(alone)}"
             return ChunkFailed(
                 f"{text}; the map was not built, and chunks that are done are kept; "
                 "give the same command again once that is mended"
@@ -269,11 +269,11 @@ def _blamed(job: Job, made: object, chunk: Chunk, error: Exception) -> BuildRefu
     last = chunk.first + len(chunk.arrays[0]) - 1
     return ChunkFailed(
         f"{job.stage}s {chunk.first} to {last} failed together, though not one by one: "
-        f"{_told(error)}; give the same command again"
+        f"{_sentence(error)}; give the same command again"
     )
 
 
-def _told(error: Exception) -> str:
+def _sentence(error: Exception) -> str:
     return f"{type(error).__name__} ({error})"
 
 

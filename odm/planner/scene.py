@@ -257,7 +257,7 @@ class Scene:
         words = [b"" if static is None else static.tobytes()]
         for name, one in sorted(self._objects.items()):
             words += [name.encode(), one.T_world_object.tobytes()]
-            words += [_told(part) for part in one.parts]
+            words += [_part_identity(part) for part in one.parts]
         return b"".join(words)
 
     # --- inside --------------------------------------------------------------------
@@ -318,7 +318,7 @@ def _parts(name: str, thing: object) -> tuple[Shape | Surface, ...]:
     return parts
 
 
-def _told(part: Shape | Surface) -> bytes:
+def _part_identity(part: Shape | Surface) -> bytes:
     values = [type(part).__name__.encode()]
     for key in sorted(vars(part)):
         value = getattr(part, key)
