@@ -80,7 +80,7 @@ def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
     return field(default=default, metadata={"range": (low, high, unit)})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CheckedSettings:
     """Settings whose fields that `setting` declares are checked when they are made.
 
