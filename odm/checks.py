@@ -77,7 +77,7 @@ def as_floats(name: str, values: object) -> np.ndarray:
         array = np.empty(0, object)  # rows of unequal length
     if array.dtype.kind not in "fiu":
         raise BadInput(
-            f"{name} must be an array of real numbers, not {_told(values)}; give "
+            f"{name} must be an array of real numbers, not {_shown(values)}; give "
             "float64, all rows of the same length"
         )
     array = np.asarray(array, np.float64)
@@ -85,11 +85,7 @@ def as_floats(name: str, values: object) -> np.ndarray:
 
 
 def point_floats(points: object) -> np.ndarray:
-    """Return points as `as_floats` does; few bits hold no places in metres.
-
-    Raises:
-        BadInput: Whole numbers of 8 or 16 bits, or what `as_floats` refuses.
-    """
+    """Return points as `as_floats` does; few bits hold no places in metres."""
     kind = getattr(points, "dtype", None)
     whole = isinstance(kind, np.dtype) and kind.kind in "iu"
     if whole and kind.itemsize < _LEAST_BYTES:
@@ -100,7 +96,7 @@ def point_floats(points: object) -> np.ndarray:
     return as_floats("points", points)
 
 
-def _told(values: object) -> str:
+def _shown(values: object) -> str:
     """Describe a value in a few words."""
     kind = getattr(values, "dtype", None)
     if kind is not None:
@@ -217,5 +213,5 @@ def _bad_goal(goals: object) -> str:
         try:
             lengths.append(as_floats("it", row).shape)
         except BadInput:
-            return f"goal {k} is no row of numbers but {_told(row)}"
+            return f"goal {k} is no row of numbers but {_shown(row)}"
     return f"the goals have rows of unequal shapes: {', '.join(map(str, lengths[:4]))}"

@@ -25,7 +25,6 @@ class Owner:
     __slots__ = ("cut", "thread")
 
     def __init__(self) -> None:
-        """Belong to this thread."""
         self.thread: int | None = get_ident()
         self.cut: str | None = None
 

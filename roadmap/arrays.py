@@ -35,8 +35,8 @@ class _Lent:
 
     def __init__(self, array: np.ndarray) -> None:
         self.array = array  # kept as long as the view
-        told = array.__array_interface__
-        self.__array_interface__ = told | {"data": (told["data"][0], False)}
+        described = array.__array_interface__
+        self.__array_interface__ = described | {"data": (described["data"][0], False)}
 
 
 def is_lendable(array: object) -> bool:

@@ -103,7 +103,6 @@ class ChunkStore:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Look at nothing yet."""
         self.folder, self.found = folder, 0
         self._over, self._lock = False, threading.Lock()
 
@@ -262,7 +261,7 @@ def _blamed(job: Job, made: object, chunk: Chunk, error: Exception) -> BuildRefu
         try:
             function(made, *rows, *chunk.arrays[n:])
         except Exception as alone:
-            text = f"{job.stage} {chunk.first + k} failed: {_told(alone)}"
+            text = f"{job.stage} {chunk.first + k} failed: {_sentence(alone)}"
             return ChunkFailed(
                 f"{text}; the map was not built, and chunks that are done are kept; "
                 "give the same command again once that is mended"
@@ -270,11 +269,11 @@ def _blamed(job: Job, made: object, chunk: Chunk, error: Exception) -> BuildRefu
     last = chunk.first + len(chunk.arrays[0]) - 1
     return ChunkFailed(
         f"{job.stage}s {chunk.first} to {last} failed together, though not one by one: "
-        f"{_told(error)}; give the same command again"
+        f"{_sentence(error)}; give the same command again"
     )
 
 
-def _told(error: Exception) -> str:
+def _sentence(error: Exception) -> str:
     return f"{type(error).__name__} ({error})"
 
 
@@ -287,7 +286,6 @@ class Threads:
     """
 
     def __init__(self, threads: int = 0, store: ChunkStore | None = None) -> None:
-        """Keep the arguments; no work yet."""
         self.threads, self.store = threads or os.cpu_count() or 1, store
 
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:

@@ -79,7 +79,6 @@ class Cluster:
         patience: float = PATIENCE_S,
         loads: str | None = None,
     ) -> None:
-        """Connect, and look at the workers."""
         if (scheduler is None) == (workers == 0):
             raise BadInput("give either a number of workers or the scheduler's address")
         self.dask = _distributed()
@@ -127,7 +126,6 @@ class Cluster:
         return self
 
     def __enter__(self) -> "Cluster":
-        """Return the cluster."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -152,14 +150,14 @@ class Cluster:
         Nothing is told where there is no page: `bokeh` is not installed.
         """
 
-        def told(started: Future | None) -> None:
+        def show(started: Future | None) -> None:
             if find_spec("bokeh") and not (started and started.exception()):
                 tell(str(self.client.dashboard_link))
 
         if self._starting is None:
-            told(None)
+            show(None)
         else:
-            self._starting.add_done_callback(told)
+            self._starting.add_done_callback(show)
 
     def map(self, job: Job, parts: Iterable[Chunk]) -> Iterator[Arrays]:
         """Yield what comes of each chunk, in order.
@@ -308,8 +306,8 @@ class _Hand:
                 self._given.put(sent.name + _GIVEN, chunk.arrays)
                 chunk = replace(chunk, arrays=())
             key = f"{self.job.stage.replace(' ', '_')}-{sent.name[:16]}"
-            told = (self._job_there, self.key, chunk, sent.name, about(), shared)
-            sent.future = client.submit(work, *told, key=key, pure=False)
+            arguments = (self._job_there, self.key, chunk, sent.name, about(), shared)
+            sent.future = client.submit(work, *arguments, key=key, pure=False)
 
     def _store(self, sent: _Sent) -> None:
         """Take what came of a chunk, and keep it here."""

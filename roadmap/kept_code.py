@@ -11,7 +11,6 @@ class KeptTypes(IndexDataCacheFile):
     """The types of arguments for which code of a compiled loop is kept."""
 
     def __init__(self, loop: Dispatcher) -> None:
-        """Find the file; it is not read yet."""
         kept = CompileResultCacheImpl(loop.py_func)
         place = kept.locator
         super().__init__(

@@ -28,7 +28,6 @@ class Sources:
     """The Python files of the packages in the folder `root`, and what each imports."""
 
     def __init__(self, root: Path) -> None:
-        """Read nothing yet."""
         self.root = root
         self.text = cache(Path.read_bytes)
         self.imported = cache(self._imported)
@@ -92,8 +91,8 @@ def kept_in(folder: Path) -> list[Path]:
     above = os.path.abspath(folder)  # as numba does it: links are not followed
     name = f"{folder.name}_{hashlib.sha1(above.encode()).hexdigest()}"
     places = [beside]
-    if told := os.environ.get("NUMBA_CACHE_DIR"):
-        places.append(Path(told) / name)
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        places.append(Path(chosen) / name)
     own = _user_cache() / name
     if own.exists() or not os.access(beside if beside.exists() else folder, os.W_OK):
         places.append(own)

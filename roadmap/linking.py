@@ -113,7 +113,6 @@ class KeptCode:
     def __init__(
         self, code: bytes, own: dict[str, MachineCode], others: dict[str, MachineCode]
     ) -> None:
-        """Keep the object code to be pickled."""
         self._kept = code, own, others
 
     def __reduce__(self) -> tuple:

@@ -1,10 +1,14 @@
 """Numbers of settings and arguments are checked here, by one sentence."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
+from typing import TypeVar
 
 from roadmap.errors import BadInput
+
+_T = TypeVar("_T")
 
 
 def is_between(value: object, low: float, high: float) -> bool:
@@ -71,42 +75,33 @@ def check_kind(
         raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
 
 
-def check_settings(
-    settings: object,
-    ranges: Mapping[str, tuple[float, float, str]],
-    whole: tuple[str, ...] = (),
-) -> None:
-    """Check numbers of a frozen settings object: `ranges` are (least, largest, unit).
+def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
+    """Declare a field of a settings class, whose numbers are from `low` to `high`."""
+    return field(default=default, metadata={"range": (low, high, unit)})
 
-    `whole` names the fields that are counts; a sentence names field, value and limits.
+
+@dataclass(frozen=True, eq=False)
+class CheckedSettings:
+    """Settings whose fields that `setting` declares are checked when they are made.
+
+    A field declared as `int` must be whole; None is sound where it is the default.
     """
-    for field, (low, high, unit) in ranges.items():
-        value = getattr(settings, field)
-        name = f"{field} [{unit}]" if unit else field
-        where = type(settings).__name__
-        check_number(name, value, low, high, field in whole, where)
 
-
-def check_row(
-    settings: object, field: str, low: float, high: float, unit: str = ""
-) -> None:
-    """Check a tuple of numbers of a frozen settings object.
-
-    Args:
-        settings: The object.
-        field: Name of the tuple.
-        low: Least that each number may be.
-        high: Largest that each may be.
-        unit: Of the numbers.
-
-    Raises:
-        BadInput: It is no tuple, is empty, or holds anything else; names the value.
-    """
-    row, where = getattr(settings, field), type(settings).__name__
-    if not isinstance(row, tuple) or not row:
-        raise BadInput(
-            f"{field} is {row!r}, but must be a tuple of numbers; change it in {where}"
-        )
-    name = f"{field} [{unit}]" if unit else field
-    for value in row:
-        check_number(f"a value of {name}", value, low, high, False, where)
+    def __post_init__(self) -> None:
+        where = type(self).__name__
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if "range" not in one.metadata or (value is None and one.default is None):
+                continue
+            low, high, unit = one.metadata["range"]
+            name = f"{one.name} [{unit}]" if unit else one.name
+            if not isinstance(one.default, tuple):
+                check_number(name, value, low, high, one.type is int, where)
+                continue
+            if not isinstance(value, tuple) or not value:
+                raise BadInput(
+                    f"{one.name} is {value!r}, but must be a tuple of numbers; change "
+                    f"it in {where}"
+                )
+            for number in value:
+                check_number(f"a value of {name}", number, low, high, False, where)

@@ -26,7 +26,6 @@ class LookupContext:
     """Numba's typing context; it remembers operators, and hands loops no constants."""
 
     def __init__(self, context: BaseContext) -> None:
-        """Ask `context` for everything that is not remembered."""
         self._context = context
 
     def __getattr__(self, name: str) -> object:
@@ -92,7 +91,6 @@ class SharedFlagsPasses:
     """Numba's passes; what they look up by the loop's options is found at once."""
 
     def __init__(self, passes: PassManager) -> None:
-        """Run `passes`."""
         self._passes = passes
 
     def __getattr__(self, name: str) -> object:

@@ -5,8 +5,9 @@ from scipy.spatial.transform import Rotation
 
 import odm
 from odm.audit._exact import POINTS, Convexes, core_distance, nearest_pair
-from odm.audit.exact import flat_frames, gather, obstacles_of
+from odm.audit.exact import gather, obstacles_of
 from odm.obstacles.obstacles import SolidRoom
+from roadmap.transforms import flat_pose
 
 KINDS = ("sphere", "capsule", "cylinder", "box", "mesh")
 _POINT = gather([(np.zeros((1, 3)), 0.0, 0.0, 0.0)], np.zeros(1))
@@ -72,7 +73,7 @@ def _upright(points):
     """Return the frames (n, 12) of points, as the audit's loops take them."""
     poses = np.tile(np.eye(4), (len(points), 1, 1))
     poses[:, :3, 3] = points
-    return flat_frames(poses)
+    return flat_pose(poses)
 
 
 def smallest_solid_gap(cell_map, q, dq, shapes, n=200):

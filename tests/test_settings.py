@@ -8,7 +8,7 @@ import pytest
 import odm
 from handover.grasps.grasp_build import GraspSettings
 from handover.grasps.settings import HoldSettings
-from handover.meet.settings import FindSettings
+from handover.meet.settings import FindSettings, QualitySettings
 from handover.plans.settings import PlanSettings, ProofSettings, SolveSettings
 from handover.reach.reach_build import ReachSettings
 from handover.targets.settings import (
@@ -98,6 +98,7 @@ SETTINGS = [
     WorkPlaceSettings,
     HoldSettings,
     FindSettings,
+    QualitySettings,
     PlanSettings,
     ProofSettings,
     SolveSettings,

@@ -24,26 +24,12 @@ from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
 from roadmap.chunks import Progress
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.transforms import pose_of_flat
-
-_RANGES = {
-    "samples": (1, 5000, ""),
-    "rolls": (1, 72, ""),
-    "gap": (5e-4, 0.1, "m"),
-    "tips": (0.01, 1.0, "m"),
-    "back": (1e-3, 0.2, "m"),
-    "friction": (0.01, 2.0, ""),
-    "edges": (3, 32, ""),
-    "tolerance": (1e-6, 1e-3, "m"),
-    "pad": (1e-4, 5e-3, "m"),
-    "least": (1e-6, 1.0, ""),
-    "seed": (0, 2**31, ""),
-}
 
 
 @dataclass(frozen=True)
-class GraspSettings:
+class GraspSettings(CheckedSettings):
     """How grasps are made.
 
     Attributes:
@@ -64,21 +50,17 @@ class GraspSettings:
         seed: Same seed, same bytes.
     """
 
-    samples: int = 90
-    rolls: int = 8
-    gap: float = 0.005
-    tips: float = 0.04
-    back: float = 0.02
-    friction: float = 0.5
-    edges: int = 5
-    tolerance: float = 2e-4
-    pad: float = 1e-3
-    least: float = 0.002
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        counts = ("samples", "rolls", "edges", "seed")
-        check_settings(self, _RANGES, counts)
+    samples: int = setting(90, 1, 5000)
+    rolls: int = setting(8, 1, 72)
+    gap: float = setting(0.005, 5e-4, 0.1, "m")
+    tips: float = setting(0.04, 0.01, 1.0, "m")
+    back: float = setting(0.02, 0.001, 0.2, "m")
+    friction: float = setting(0.5, 0.01, 2.0)
+    edges: int = setting(5, 3, 32)
+    tolerance: float = setting(2e-4, 1e-6, 0.001, "m")
+    pad: float = setting(1e-3, 1e-4, 0.005, "m")
+    least: float = setting(0.002, 1e-6, 1.0)
+    seed: int = setting(1, 0, 2**31)
 
 
 @dataclass(frozen=True, eq=False)

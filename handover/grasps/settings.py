@@ -1,12 +1,12 @@
 """What tunes the search for grasps beside `GraspSettings`, which a set keeps."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 
 
 @dataclass(frozen=True)
-class HoldSettings:
+class HoldSettings(CheckedSettings):
     """How closely a hand closes, and how hard it is looked whether it holds.
 
     Attributes:
@@ -18,12 +18,8 @@ class HoldSettings:
         drawn: Points of the surface drawn for each one that is kept. More: evener.
     """
 
-    centred: int = 4
-    each: int = 2
-    directions: int = 512
-    descent: int = 40
-    drawn: int = 40
-
-    def __post_init__(self) -> None:
-        names = tuple(one.name for one in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 100_000, "")), names)
+    centred: int = setting(4, 1, 100_000)
+    each: int = setting(2, 1, 100_000)
+    directions: int = setting(512, 1, 100_000)
+    descent: int = setting(40, 1, 100_000)
+    drawn: int = setting(40, 1, 100_000)

@@ -12,7 +12,7 @@ from handover.meet.constraints import Constraint
 from handover.reach.rotations import SIZES
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.transforms import check_pose
 
 PARTS = ("joint", "spatial", "visibility", "safety", "effort")
@@ -20,7 +20,7 @@ _HALF = math.atanh(0.5)  # 1 - tanh of it is one half
 
 
 @dataclass(frozen=True)
-class QualitySettings:
+class QualitySettings(CheckedSettings):
     """What counts as comfortable, and how much.
 
     The paper gives the form of the costs and equal weights, not its betas. Ours are
@@ -55,26 +55,25 @@ class QualitySettings:
     """
 
     joint_weights: tuple[float, ...] = (1.0,) * 7
-    beta_joint: float = _HALF / 2.2
-    beta_spatial: float = _HALF / 0.5
-    beta_visibility: float = _HALF / math.radians(45.0)
-    beta_safety: float = _HALF
-    beta_effort: float = _HALF
+    beta_joint: float = setting(_HALF / 2.2, 1e-9, 1e9)
+    beta_spatial: float = setting(_HALF / 0.5, 1e-9, 1e9)
+    beta_visibility: float = setting(_HALF / math.radians(45.0), 1e-9, 1e9)
+    beta_safety: float = setting(_HALF, 1e-9, 1e9)
+    beta_effort: float = setting(_HALF, 1e-9, 1e9)
     weights: tuple[float, ...] = (0.2,) * 5
-    safety_distance: float = 0.2
+    safety_distance: float = setting(0.2, 1e-9, 10.0, "m")
     forearm_counts: bool = True
     absent_gaze: str = "torso"
-    online_weight: float = 5.0 / 6.0
+    online_weight: float = setting(5.0 / 6.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        alpha, betas = np.asarray(self.joint_weights, float), np.array(self.betas)
+        super().__post_init__()
+        alpha = np.asarray(self.joint_weights, float)
         if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
             raise BadInput(
                 f"joint_weights are {self.joint_weights}; give seven that are not "
                 "negative"
             )
-        if not (np.isfinite(betas) & (betas > 0)).all():
-            raise BadInput(f"betas are {self.betas}; give positive numbers")
         weights = np.asarray(self.weights, float)
         if weights.shape != (5,) or not (weights >= 0).all():
             raise BadInput(
@@ -86,11 +85,6 @@ class QualitySettings:
                 f"weights {self.weights} sum to {weights.sum():.6g}; they must sum to "
                 "1: divide each by their sum"
             )
-        if not 0 < self.safety_distance < 10:
-            raise BadInput(
-                f"a safety distance of {self.safety_distance} m is none; give metres "
-                "above 0"
-            )
         if self.absent_gaze not in ("torso", "omit"):
             raise BadInput(
                 f"no way {self.absent_gaze!r} to do without a gaze; choose torso or "
@@ -100,10 +94,6 @@ class QualitySettings:
             raise BadInput(
                 "all weight is on visibility, which is omitted without a gaze; choose "
                 "absent_gaze torso or other weights"
-            )
-        if not 0 <= self.online_weight <= 1:
-            raise BadInput(
-                f"online_weight is {self.online_weight}; give a share from 0 to 1"
             )
 
     @property
@@ -118,7 +108,7 @@ class QualitySettings:
 
 
 @dataclass(frozen=True)
-class FindSettings:
+class FindSettings(CheckedSettings):
     """How hard a configuration for a target is looked for (`find.find_handover`).
 
     Attributes:
@@ -130,22 +120,15 @@ class FindSettings:
         batch: Targets asked for at a time.
     """
 
-    position_tolerance: float = 1e-4
-    rotation_tolerance: float = 1e-3
-    attempts: int = 5
-    steps: int = 60
-    batch: int = 10
-
-    def __post_init__(self) -> None:
-        counts = ("attempts", "steps", "batch")
-        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
-        ranges |= {"position_tolerance": (1e-9, 1.0, "m")}
-        ranges |= {"rotation_tolerance": (1e-9, np.pi, "rad")}
-        check_settings(self, ranges, counts)
+    position_tolerance: float = setting(1e-4, 1e-9, 1.0, "m")
+    rotation_tolerance: float = setting(1e-3, 1e-9, np.pi, "rad")
+    attempts: int = setting(5, 1, 10_000)
+    steps: int = setting(60, 1, 10_000)
+    batch: int = setting(10, 1, 10_000)
 
 
 @dataclass(frozen=True, eq=False)
-class MeetSettings:
+class MeetSettings(CheckedSettings):
     """Where, how finely and for what to look.
 
     Attributes:
@@ -169,24 +152,20 @@ class MeetSettings:
 
     side: str = "right"
     T_world_base: np.ndarray | None = None
-    cell: float = 0.15
+    cell: float = setting(0.15, 0.01, 1.0, "m")
     rotations: int = 72
     marked_share: float = 0.0
     quality: QualitySettings = field(default_factory=QualitySettings)
-    swivel_step: float = math.radians(30.0)
+    swivel_step: float = setting(math.radians(30.0), math.radians(1.0), math.pi, "rad")
     constraints: Sequence[Constraint] = ()
     obstacles: np.ndarray | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_side(self.side)
         T = np.eye(4) if self.T_world_base is None else self.T_world_base
         T = frozen(check_pose(T, "T_world_base"), np.float64)
         object.__setattr__(self, "T_world_base", T)
-        if not 0.01 <= self.cell <= 1.0:
-            raise BadInput(
-                f"a cell of {self.cell} m is none to meet in; give 0.01 to 1 m, like "
-                "0.15 or 0.1"
-            )
         if self.rotations not in SIZES:
             known = ", ".join(map(str, SIZES))
             raise BadInput(
@@ -196,10 +175,6 @@ class MeetSettings:
             raise BadInput(
                 f"marked_share is {self.marked_share}; give a share from 0 (any cell) "
                 "to below 1"
-            )
-        if not math.radians(1.0) <= self.swivel_step <= math.pi:
-            raise BadInput(
-                f"a swivel step of {self.swivel_step} rad is none; give 0.018 to pi"
             )
         object.__setattr__(self, "constraints", tuple(self.constraints))
         for c in self.constraints:

@@ -1,29 +1,12 @@
 """How hard a hand-over is looked for; every number counts work, none counts seconds."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from roadmap.ranges import check_row, check_settings
-
-_RANGES = {
-    "voxels": (1, 200, ""),
-    "turns": (1, 36, ""),
-    "tuples": (1, 100_000, ""),
-    "near": (0.05, 1.0, "m"),
-    "back": (0.02, 0.3, "m"),
-    "lift": (0.005, 0.3, "m"),
-    "line": (0.002, 0.05, "m"),
-    "budget": (10, 1_000_000, ""),
-    "shorten": (0, 10_000, ""),
-    "tries": (1, 10_000, ""),
-    "first_budget": (10, 1_000_000, ""),
-    "postures": (0, 100, ""),
-    "starts": (1, 20, ""),
-    "meetings": (1, 100, ""),
-}
+from roadmap.ranges import CheckedSettings, setting
 
 
 @dataclass(frozen=True)
-class ProofSettings:
+class ProofSettings(CheckedSettings):
     """What is proved of a plan's motions (`mover.Mover`, `grasps.line_clear`).
 
     Attributes:
@@ -35,20 +18,16 @@ class ProofSettings:
         longest, shortest: Steps along such a line [m].
     """
 
-    margin: float = 2e-4
-    self_margin: float = 1e-4
-    tolerance: float = 2e-4
-    kept: float = 5e-5
-    longest: float = 0.02
-    shortest: float = 5e-4
-
-    def __post_init__(self) -> None:
-        names = tuple(one.name for one in fields(self))
-        check_settings(self, dict.fromkeys(names, (1e-6, 0.1, "m")))
+    margin: float = setting(2e-4, 1e-6, 0.1, "m")
+    self_margin: float = setting(1e-4, 1e-6, 0.1, "m")
+    tolerance: float = setting(2e-4, 1e-6, 0.1, "m")
+    kept: float = setting(5e-5, 1e-6, 0.1, "m")
+    longest: float = setting(0.02, 1e-6, 0.1, "m")
+    shortest: float = setting(5e-4, 1e-6, 0.1, "m")
 
 
 @dataclass(frozen=True)
-class SolveSettings:
+class SolveSettings(CheckedSettings):
     """How finely an arm's joints are looked for (`mover`, `prune`, `choose`).
 
     Attributes:
@@ -63,24 +42,17 @@ class SolveSettings:
             is blocked.
     """
 
-    free_angles: int = 12
-    restarts: int = 12
-    steps: int = 60
-    error: float = 1e-5
-    samples: int = 100_000
-    cell: float = 0.05
-    shorter: tuple[float, ...] = (1.0, 0.6, 0.35)
-
-    def __post_init__(self) -> None:
-        counts = ("free_angles", "restarts", "steps", "samples")
-        ranges: dict = dict.fromkeys(counts, (1, 50_000_000, ""))
-        ranges |= {"error": (1e-9, 1.0, ""), "cell": (0.005, 0.5, "m")}
-        check_settings(self, ranges, counts)
-        check_row(self, "shorter", 0.01, 1.0)
+    free_angles: int = setting(12, 1, 50_000_000)
+    restarts: int = setting(12, 1, 50_000_000)
+    steps: int = setting(60, 1, 50_000_000)
+    error: float = setting(1e-5, 1e-9, 1.0)
+    samples: int = setting(100_000, 1, 50_000_000)
+    cell: float = setting(0.05, 0.005, 0.5, "m")
+    shorter: tuple[float, ...] = setting((1.0, 0.6, 0.35), 0.01, 1.0)
 
 
 @dataclass(frozen=True)
-class PlanSettings:
+class PlanSettings(CheckedSettings):
     """Settings of `plan_handover`.
 
     Attributes:
@@ -105,22 +77,17 @@ class PlanSettings:
             the first ones, with `first_budget`, were not enough.
     """
 
-    voxels: int = 24
-    turns: int = 8
-    tuples: int = 40
-    near: float = 0.25
-    back: float = 0.08
-    lift: float = 0.05
-    line: float = 0.01
-    budget: int = 4000
-    shorten: int = 16
-    tries: int = 4000
-    first_budget: int = 300
-    postures: int = 12
-    starts: int = 3
-    meetings: int = 8
-
-    def __post_init__(self) -> None:
-        counts = ("voxels", "turns", "tuples", "budget", "shorten", "tries",
-                  "first_budget", "postures", "starts", "meetings")  # fmt: skip
-        check_settings(self, _RANGES, counts)
+    voxels: int = setting(24, 1, 200)
+    turns: int = setting(8, 1, 36)
+    tuples: int = setting(40, 1, 100_000)
+    near: float = setting(0.25, 0.05, 1.0, "m")
+    back: float = setting(0.08, 0.02, 0.3, "m")
+    lift: float = setting(0.05, 0.005, 0.3, "m")
+    line: float = setting(0.01, 0.002, 0.05, "m")
+    budget: int = setting(4000, 10, 1_000_000)
+    shorten: int = setting(16, 0, 10_000)
+    tries: int = setting(4000, 1, 10_000)
+    first_budget: int = setting(300, 10, 1_000_000)
+    postures: int = setting(12, 0, 100)
+    starts: int = setting(3, 1, 20)
+    meetings: int = setting(8, 1, 100)

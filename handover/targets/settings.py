@@ -1,15 +1,15 @@
 """Settings of the pursuit of targets."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number, check_settings, is_between
+from roadmap.ranges import CheckedSettings, setting
 
 
 @dataclass(frozen=True)
-class ChoiceSettings:
+class ChoiceSettings(CheckedSettings):
     """How targets become goals; a frame is one call.
 
     Attributes:
@@ -29,37 +29,22 @@ class ChoiceSettings:
             one is pursued at once.
     """
 
-    quality_hysteresis: float = 0.03
-    max_quality_loss: float = 0.15
-    goals: int = 4
-    max_untried: int = 3
-    untried_frames: int = 16
-    retry_frames: int = 200
-    fallbacks: int = 1
-    patience_frames: int = 0
+    quality_hysteresis: float = setting(0.03, 0.0, 1.0)
+    max_quality_loss: float = setting(0.15, 0.0, 1.0)
+    goals: int = setting(4, 1, 1_000_000)
+    max_untried: int = setting(3, 1, 1_000_000)
+    untried_frames: int = setting(16, 1, 1_000_000)
+    retry_frames: int = setting(200, 0, 1_000_000)
+    fallbacks: int = setting(1, 0, 1_000_000)
+    patience_frames: int = setting(0, 0, 1_000_000)
 
     def __post_init__(self) -> None:
-        if not is_between(self.quality_hysteresis, 0, 1):
-            raise BadInput(
-                f"quality_hysteresis is {self.quality_hysteresis}, but must be 0 to 1 "
-                "of quality"
-            )
-        if not is_between(self.max_quality_loss, self.quality_hysteresis, 1):
+        super().__post_init__()
+        if self.max_quality_loss < self.quality_hysteresis:
             raise BadInput(
                 f"max_quality_loss is {self.max_quality_loss}, but must be from the "
                 f"quality_hysteresis, {self.quality_hysteresis}, to 1"
             )
-        counts = {
-            "goals": 1,
-            "max_untried": 1,
-            "untried_frames": 1,
-            "retry_frames": 0,
-            "fallbacks": 0,
-            "patience_frames": 0,
-        }
-        for name, low in counts.items():
-            value = getattr(self, name)
-            check_number(name, value, low, 1_000_000, True, "ChoiceSettings")
         if not 0 <= self.fallbacks < self.goals or self.max_untried > self.goals:
             raise BadInput(
                 f"max_untried = {self.max_untried} and fallbacks = {self.fallbacks} do "
@@ -68,7 +53,7 @@ class ChoiceSettings:
 
 
 @dataclass(frozen=True)
-class LiveSettings:
+class LiveSettings(CheckedSettings):
     """How the pursuit of targets shares out its work; a frame is one call.
 
     Attributes:
@@ -112,51 +97,29 @@ class LiveSettings:
         alike: Targets have the same quality if it is so to this many decimals.
     """
 
-    ranked: int = 10
-    node_tolerance_m: float = 0.075
-    node_tolerance_rad: float = 0.52
-    connect_every: int = 10
+    ranked: int = setting(10, 1, 100_000)
+    node_tolerance_m: float = setting(0.075, 0.0, 1.0, "m")
+    node_tolerance_rad: float = setting(0.52, 0.0, np.pi, "rad")
+    connect_every: int = setting(10, 1, 1_000_000)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
-    deepest: int = 8
-    before: int = 3
-    after: int = 4
-    steps: int = 25
-    configurations: int = 4
-    apart: float = 0.3
-    tests: int = 16
-    trusted: int = 8
-    lookups: int = 2
-    goals_each: int = 2
-    rank_budget: int = 0
-    choices: int = 3
+    deepest: int = setting(8, 1, 1_000_000)
+    before: int = setting(3, 0, 1000)
+    after: int = setting(4, 0, 1000)
+    steps: int = setting(25, 1, 1_000_000)
+    configurations: int = setting(4, 1, 1_000_000)
+    apart: float = setting(0.3, 0.0, 10.0, "rad or m")
+    tests: int = setting(16, 1, 1_000_000)
+    trusted: int = setting(8, 1, 1_000_000)
+    lookups: int = setting(2, 1, 1_000_000)
+    goals_each: int = setting(2, 1, 1_000_000)
+    rank_budget: int = setting(0, 0, 10**9)
+    choices: int = setting(3, 1, 1000)
     from_rest: bool = False
     near_rest: bool = False
-    spare_m: float = 0.0
-    spare_frames: int = 400
-    idle: int = 3
-    alike: int = 6
-
-    def __post_init__(self) -> None:
-        lengths = {
-            "node_tolerance_m": (0.0, 1.0, "m"),
-            "node_tolerance_rad": (0.0, np.pi, "rad"),
-            "apart": (0.0, 10.0, "rad or m"),
-            "spare_m": (0.0, 1.0, "m"),
-        }
-        some = (
-            "connect_every",
-            "deepest",
-            "steps",
-            "configurations",
-            "tests",
-            "trusted",
-        )
-        counts = dict.fromkeys((*some, "lookups", "goals_each"), (1, 1_000_000, ""))
-        counts |= {"ranked": (1, 100_000, ""), "choices": (1, 1000, "")}
-        counts |= {"idle": (1, 1000, ""), "alike": (0, 15, "")}
-        counts |= {"rank_budget": (0, 10**9, ""), "spare_frames": (0, 1_000_000, "")}
-        counts |= dict.fromkeys(("before", "after"), (0, 1000, ""))
-        check_settings(self, lengths | counts, tuple(counts))
+    spare_m: float = setting(0.0, 0.0, 1.0, "m")
+    spare_frames: int = setting(400, 0, 1_000_000)
+    idle: int = setting(3, 1, 1000)
+    alike: int = setting(6, 0, 15)
 
     @property
     def starts(self) -> int:
@@ -165,7 +128,7 @@ class LiveSettings:
 
 
 @dataclass(frozen=True)
-class AllowanceSettings:
+class AllowanceSettings(CheckedSettings):
     """Time that work takes, in units of about a microsecond (`allowance.Allowance`).
 
     They are measured means: on a machine that is slower by a factor multiply all of
@@ -187,20 +150,16 @@ class AllowanceSettings:
         patience: Frames by which work is put off at most.
     """
 
-    look_out: int = 600
-    moves: int = 500
-    tell: int = 250
-    set_goals: int = 600
-    rank: int = 300
-    solve: int = 500
-    reach: int = 900
-    prepare: int = 1500
-    test: int = 500
-    join: int = 1500
-    time_path: int = 900
-    least: int = 150
-    patience: int = 4
-
-    def __post_init__(self) -> None:
-        names = tuple(one.name for one in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 1_000_000, "")), names)
+    look_out: int = setting(600, 1, 1_000_000)
+    moves: int = setting(500, 1, 1_000_000)
+    tell: int = setting(250, 1, 1_000_000)
+    set_goals: int = setting(600, 1, 1_000_000)
+    rank: int = setting(300, 1, 1_000_000)
+    solve: int = setting(500, 1, 1_000_000)
+    reach: int = setting(900, 1, 1_000_000)
+    prepare: int = setting(1500, 1, 1_000_000)
+    test: int = setting(500, 1, 1_000_000)
+    join: int = setting(1500, 1, 1_000_000)
+    time_path: int = setting(900, 1, 1_000_000)
+    least: int = setting(150, 1, 1_000_000)
+    patience: int = setting(4, 1, 1_000_000)

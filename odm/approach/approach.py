@@ -8,19 +8,18 @@ cover of `odm.approach.fine_cover` decides. Work is counted, not timed: the same
 gives the same bytes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from odm.approach.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.approach.legs import LegTest, Tested
 from odm.approach.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
-from odm.checks import check_configuration
+from odm.checks import check_numbers
 from odm.frame.frame import Frame
 from odm.frame.freedom import is_free
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
-from roadmap.kinematics.inverse import checked_pose
 from roadmap.ranges import is_between
 
 
@@ -62,8 +61,9 @@ class Approacher:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
         frame = self.frame
         frame.memory.owner.check()
-        T = checked_pose(T_base_tool)
-        line = self._line(T, q, distance, direction)
+        if q is not None:
+            q = check_numbers(frame.robot, q)
+        line = self._line(np.asarray(T_base_tool, float), q, distance, direction)
         self.legs.look(phase)
         nothing = np.empty((0, frame.robot.dof))
         if frame.trouble is not None:
@@ -72,7 +72,6 @@ class Approacher:
         search, before = _Search(), self.tool.descents
         self.legs.motions = 0
         if q is not None:
-            q = np.ascontiguousarray(check_configuration(frame.robot, q, None))
             found = self._from_start(line, q.copy(), search)
         else:
             found = self._from_end(line, search)
@@ -88,17 +87,13 @@ class Approacher:
     # --- inside ----------------------------------------------------------------
 
     def _line(self, T, q, distance, direction) -> Line:
-        robot = self.frame.robot
         if q is not None:
             if direction is not None:
                 raise BadInput(
                     "q and direction were both given; the line runs from q's tool "
                     "pose: leave direction out"
                 )
-            q = check_configuration(robot, q, None)
-            if not np.isfinite(q).all():
-                raise BadInput(f"q holds NaN or infinity: {q}; give numbers")
-            return Line.between(tool_pose(robot, q), T)
+            return Line.between(tool_pose(self.frame.robot, q), T)
         if not (is_between(distance, 0.0, 2.0) and distance > 0.0):
             raise BadInput(
                 f"a distance of {distance} m is not above 0 and at most 2 m; 0.15 m "
@@ -135,12 +130,7 @@ class Approacher:
                 if followed.stopped:
                     search.failed(0.0, followed.stopped)
                     continue
-                followed = Follow(
-                    followed.q[::-1],
-                    followed.s[::-1],
-                    followed.error_m,
-                    followed.error_rad,
-                )
+                followed = replace(followed, q=followed.q[::-1], s=followed.s[::-1])
                 if not self._starts_free(followed.q[0].copy(), search):
                     continue
                 found = self._prove(followed, line, search)
@@ -196,13 +186,10 @@ class Approacher:
             if not reached:
                 nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
                 continue
-            robot = self.frame.robot
-            if (
-                tried
-                and np.abs(difference(robot, tried, q)).max(axis=1).min()
-                < self.settings.same
-            ):
-                continue
+            if tried:
+                apart = np.abs(difference(self.frame.robot, tried, q)).max(axis=1)
+                if apart.min() < self.settings.same:
+                    continue
             tried.append(q)
             new.append(q)
         return new, nearest
@@ -212,13 +199,8 @@ class Approacher:
         rows = []
         for k, q in enumerate(solutions):
             gap = self.legs.gap(q, self.settings.ample_m)
-            rows.append(
-                (
-                    -np.floor(gap / self.settings.class_m),
-                    -self.tool.manipulability(q),
-                    k,
-                )
-            )
+            room = np.floor(gap / self.settings.class_m)
+            rows.append((-room, -self.tool.manipulability(q), k))
         return [solutions[k] for *_, k in sorted(rows)]
 
     def _is_spent(self) -> bool:

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 
 
 @dataclass(frozen=True)
-class ApproachSettings:
+class ApproachSettings(CheckedSettings):
     """Settings of the search for an approach.
 
     Attributes:
@@ -26,30 +26,16 @@ class ApproachSettings:
         ample_m: More clearance than this is no better [m].
     """
 
-    step_m: float = 0.03
-    max_deviation_m: float = 0.001
-    max_deviation_rad: float = 0.01
-    ik_starts: int = 8
-    rounds: int = 4
-    max_tests: int = 200
+    step_m: float = setting(0.03, 1e-4, 1.0, "m")
+    max_deviation_m: float = setting(0.001, 1e-6, 0.1, "m")
+    max_deviation_rad: float = setting(0.01, 1e-6, 1.0, "rad")
+    ik_starts: int = setting(8, 1, 10_000)
+    rounds: int = setting(4, 1, 1000)
+    max_tests: int = setting(200, 1, 1_000_000)
     use_fine_cover: bool = True
-    same: float = 0.1
-    class_m: float = 0.01
-    ample_m: float = 0.06
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "step_m": (1e-4, 1.0, "m"),
-            "max_deviation_m": (1e-6, 0.1, "m"),
-            "max_deviation_rad": (1e-6, 1.0, "rad"),
-            "ik_starts": (1, 10_000, ""),
-            "rounds": (1, 1000, ""),
-            "max_tests": (1, 1_000_000, ""),
-            "same": (0.0, 10.0, "rad or m"),
-            "class_m": (1e-4, 1.0, "m"),
-            "ample_m": (0.0, 1.0, "m"),
-        }
-        check_settings(self, ranges, ("ik_starts", "rounds", "max_tests"))
+    same: float = setting(0.1, 0.0, 10.0, "rad or m")
+    class_m: float = setting(0.01, 1e-4, 1.0, "m")
+    ample_m: float = setting(0.06, 0.0, 1.0, "m")
 
 
 @dataclass(frozen=True)

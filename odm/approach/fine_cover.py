@@ -76,9 +76,6 @@ def outer_bodies(robot: Robot) -> set[int]:
 class FineTest:
     """The four tests' scenery and frame parts with the fine cover.
 
-    Args:
-        frame: Its hand, scenery and safety terms count.
-
     Attributes:
         excess: By link with a fine cover, how far a sphere sticks out at most [m].
     """

@@ -8,7 +8,7 @@ from odm.approach.fine_cover import FineTest
 from odm.checks import outside_limits
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
-from odm.frame.frame import Cover, Frame
+from odm.frame.frame import Frame
 from odm.frame.last_phase import LastPhase
 from odm.obstacles.grid import LARGEST_GRID, WorkspaceGrid
 
@@ -28,9 +28,7 @@ class Tested:
 class LegTest:
     """Tests motions against limits, the robot itself, scenery and the frame's points.
 
-    Args:
-        frame: Its map, scenery and points count.
-        use_fine: Let the finer cover decide where the map's says no.
+    With `use_fine` the finer cover decides where the map's says no.
 
     Attributes:
         motions: Number of motions tested so far.
@@ -38,7 +36,6 @@ class LegTest:
     """
 
     def __init__(self, frame: Frame, use_fine: bool) -> None:
-        """Lay out room for points."""
         self.frame, self.use_fine, self.motions = frame, use_fine, 0
         grid = frame.cell_map.grid
         # smaller blocks than the map's: dense points of a bin are told apart sooner
@@ -104,40 +101,29 @@ class LegTest:
 
     def by_map(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the cover of the map."""
-        frame = self.frame
-        if not frame.static.motion_free(q, dq):
-            return _scenery(frame.static, q, dq)
-        if self.phase is not None:
-            return self._by_phase(frame.cover(), q, dq)
-        test = frame.close_test
-        if test.clear(q, dq, self.cloud, solids=frame.solids):
-            return Tested()
-        sphere, point = test.blocked_by
-        return self._too_near(frame.static.link_of(sphere), point, test.missing)
+        return self._by(self.frame, q, dq)
 
     def by_fine(self, q: np.ndarray, dq: np.ndarray) -> Tested:
         """Test q + t dq, within limits, by the finer cover."""
-        fine = self.fine
-        if not fine.static.motion_free(q, dq):
-            return _scenery(fine.static, q, dq)
+        tested = self._by(self.fine, q, dq)
+        return tested if tested.failed else Tested(fine=True)
+
+    def _by(self, covered: Frame | FineTest, q: np.ndarray, dq: np.ndarray) -> Tested:
+        """Test q + t dq, within limits, by the cover of a frame or a finer one."""
+        static = covered.static
+        if not static.motion_free(q, dq):
+            return _scenery(static, q, dq)
         if self.phase is not None:
-            tested = self._by_phase(fine.cover(), q, dq)
-            return tested if tested.failed else Tested(fine=True)
-        test = fine.close_test
-        if test.clear(q, dq, self.cloud, solids=self.frame.solids):
-            return Tested(fine=True)
-        sphere, point = test.blocked_by
-        return self._too_near(fine.static.link_of(sphere), point, test.missing)
-
-    def _by_phase(self, cover: Cover, q: np.ndarray, dq: np.ndarray) -> Tested:
-        hit = self._last_phase.hit(cover, q, dq)
-        if hit is None:
-            return Tested()
-        sphere, point, missing = hit
-        return self._too_near(cover.links[sphere], point, missing)
-
-    def _too_near(self, link: str, point: int, missing: float) -> Tested:
-        what = self.frame.name_of(point)
+            hit = self._last_phase.hit(covered.cover(), q, dq)
+            if hit is None:
+                return Tested()
+            sphere, point, missing = hit
+        else:
+            test = covered.close_test
+            if test.clear(q, dq, self.cloud, solids=self.frame.solids):
+                return Tested()
+            (sphere, point), missing = test.blocked_by, test.missing
+        link, what = static.link_of(sphere), self.frame.name_of(point)
         text = f"{link} would come {1e3 * missing:.1f} mm too near to {what}"
         return Tested("frame", text, link, max(point, -1), missing)
 

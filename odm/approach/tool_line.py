@@ -203,7 +203,6 @@ class NearPoses:
     """
 
     def __init__(self, rows: np.ndarray) -> None:
-        """Keep poses (k, 12)."""
         weights = np.array([0.5 * _LENGTH**2] * 9 + [1.0] * 3)
         self._squares = (rows * rows) @ weights
         self._weighted = rows * (-2.0 * weights)

@@ -152,15 +152,16 @@ class Auditor:
         return moved_points(self.specimens[case.specimen].points, case.T_base_obstacle)
 
 
-class Tally:
+class Totals:
     """Sums chunks up, in their order."""
 
     def __init__(self, auditor: Auditor) -> None:
-        """Start from nothing."""
         self.auditor = auditor
         self.m = auditor.cell_map.safety.m
         self.complete = True
-        self.count = dict.fromkeys(("pairs", "free", "boundary", "bad", "open"), 0)
+        self.count = dict.fromkeys(
+            ("pairs", "free", "boundary", "violations", "unresolved"), 0
+        )
         self.worst: list[Case] = []
         self.families = {name: [0, 0, 0, np.inf] for name in FAMILIES}
 
@@ -174,8 +175,8 @@ class Tally:
         count["pairs"] += len(low)
         count["free"] += int(found.free.sum())
         count["boundary"] += int(found.boundary.sum())
-        count["bad"] += int(bad.sum())
-        count["open"] += int(unsure.sum())
+        count["violations"] += int(bad.sum())
+        count["unresolved"] += int(unsure.sum())
         self._keep_worst(pairs, found, low)
         names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
         for i, name in enumerate(FAMILIES):
@@ -200,14 +201,10 @@ class Tally:
 
     def report(self, sabotage: str | None, seconds: float) -> AuditReport:
         """Return the sums."""
-        count, auditor = self.count, self.auditor
+        auditor = self.auditor
         return AuditReport(
             asked="close test" if auditor.close else "cells",
-            pairs=count["pairs"],
-            free=count["free"],
-            boundary=count["boundary"],
-            violations=count["bad"],
-            unresolved=count["open"],
+            **self.count,
             smallest=self.worst[0].distance if self.worst else np.inf,
             m=self.m,
             worst=tuple(self.worst),
@@ -261,15 +258,15 @@ def audit(
     rng = np.random.default_rng([seed, 1])
     specimens = draw_specimens(n_specimens, cell_map.safety.rho, rng)
     auditor = Auditor(cell_map, seed, close, specimens)
-    tally = Tally(auditor)
+    totals = Totals(auditor)
     try:
-        _run(auditor, tally, pairs, threads, tell)
+        _run(auditor, totals, pairs, threads, tell)
     except KeyboardInterrupt:
-        tally.complete = False
-    return tally.report(sabotage, time.perf_counter() - begun)
+        totals.complete = False
+    return totals.report(sabotage, time.perf_counter() - begun)
 
 
-def _run(auditor, tally, pairs, threads, tell):
+def _run(auditor, totals, pairs, threads, tell):
     from concurrent.futures import ThreadPoolExecutor
 
     sizes = [min(CHUNK, pairs - at) for at in range(0, pairs, CHUNK)]
@@ -280,7 +277,7 @@ def _run(auditor, tally, pairs, threads, tell):
         try:
             jobs = pool.map(auditor.run_chunk, range(len(sizes)), sizes)
             for size, result in zip(sizes, jobs, strict=True):
-                tally.add(*result)
+                totals.add(*result)
                 done += size
                 tell("pairs", done, pairs)
         except KeyboardInterrupt:

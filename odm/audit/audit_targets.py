@@ -3,8 +3,9 @@
 import numpy as np
 
 from odm.audit import _audit as kernels
-from odm.audit.exact import BOX_CORNERS, ExactRobot, flat_frames
+from odm.audit.exact import BOX_CORNERS, ExactRobot
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
+from roadmap.transforms import flat_pose
 
 
 def audit_solids(robot: Robot, rng: np.random.Generator) -> kernels.Solids:
@@ -18,7 +19,7 @@ def audit_solids(robot: Robot, rng: np.random.Generator) -> kernels.Solids:
     return kernels.Solids(
         parts=exact.convexes,
         body=np.asarray(exact.body, np.int64),
-        pose=flat_frames(robot.solid_pose),
+        pose=flat_pose(robot.solid_pose),
         used=exact.body > 0,
         targets=np.ascontiguousarray(np.concatenate(targets)),
         target_part=np.array(owner, np.int64),

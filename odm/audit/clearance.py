@@ -9,7 +9,7 @@ from odm.audit import _clearance as kernels
 from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
 from odm.audit.audit_library import draw_arms
-from odm.audit.exact import flat_frames, gather
+from odm.audit.exact import gather
 from odm.cell_map._sweep import Lists, sweep_nodes
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.sweep import swept_by
@@ -18,6 +18,7 @@ from odm.close_test.close_test import NO_SOLIDS
 from odm.obstacles._solids import Solids as ShapeRows
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
+from roadmap.transforms import flat_pose
 
 _STILL = 65  # configurations that stand for an edge without motion bound
 TERMS = ("cover", "rho", "cells", "mu")
@@ -148,7 +149,7 @@ def _ball_solids(robot: Robot) -> Solids:
     return Solids(
         parts=gather(parts, np.zeros(len(parts))),
         body=np.asarray(robot.sphere_body[moving], np.int64),
-        pose=flat_frames(poses),
+        pose=flat_pose(poses),
         used=np.ones(len(parts), bool),
         targets=np.empty((0, 6)),
         target_part=np.empty(0, np.int64),

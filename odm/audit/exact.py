@@ -14,7 +14,7 @@ from odm.obstacles import shapes as solid
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
-from roadmap.transforms import moved_points
+from roadmap.transforms import flat_pose, moved_points
 
 _SIDES = (-0.5, 0.5)
 BOX_CORNERS = np.array([[x, y, z] for x in _SIDES for y in _SIDES for z in _SIDES])
@@ -64,7 +64,6 @@ class ExactRobot:
     """
 
     def __init__(self, robot: Robot, base: bool = False) -> None:
-        """Gather the convex solids."""
         self.robot = robot
         parts = [_robot_part(robot, i) for i in range(len(robot.solid_kind))]
         self.convexes = gather(parts, robot.solid_link)
@@ -74,7 +73,7 @@ class ExactRobot:
 
     def frames(self, q: np.ndarray) -> np.ndarray:
         """Return the poses of the solids at `q`, (n, 12)."""
-        return flat_frames(body_frames(self.robot, q)[self.body] @ self._pose)
+        return flat_pose(body_frames(self.robot, q)[self.body] @ self._pose)
 
     def distance(
         self,
@@ -162,7 +161,7 @@ def obstacles_of(shapes: list[solid.Shape]) -> Obstacles:
             hollow_shape.append(k)
     poses = np.array(frames).reshape(-1, 4, 4)
     convexes = gather(parts, np.array(owner, np.int64))
-    return Obstacles(convexes, flat_frames(poses), tuple(hollow), tuple(hollow_shape))
+    return Obstacles(convexes, flat_pose(poses), tuple(hollow), tuple(hollow_shape))
 
 
 def capsule_obstacles(rows: np.ndarray) -> Obstacles:
@@ -238,12 +237,6 @@ def shape_parts(shape: solid.Shape) -> tuple[list[tuple], np.ndarray]:
     if isinstance(shape, solid.Box):
         return [(BOX_CORNERS * shape.size, 0.0, 0.0, 0.0)], _NO_TRIANGLES
     return _mesh_parts(shape)
-
-
-def flat_frames(poses: np.ndarray) -> np.ndarray:
-    """Return poses (n, 4, 4) as rows (n, 12): rotation (9), origin (3)."""
-    rotations = poses[:, :3, :3].reshape(-1, 9)
-    return np.ascontiguousarray(np.concatenate([rotations, poses[:, :3, 3]], axis=1))
 
 
 def _mesh_parts(mesh: solid.Mesh):

@@ -17,7 +17,6 @@ class FclRobot:
     """The moving solids of a robot, with a broad phase over obstacles."""
 
     def __init__(self, robot: Robot) -> None:
-        """Make the collision objects."""
         import fcl
 
         self._fcl = fcl

@@ -257,7 +257,6 @@ class _ExactSide:
     """Exact distances along legs of one robot, with or without something in hand."""
 
     def __init__(self, cell_map: CellMap, robot: object) -> None:
-        """Gather the solids of the robot and of the map's own scenery."""
         self.robot = robot
         self.exact, self.fcl = ExactRobot(robot), FclRobot(robot)
         self.motion_bounds = center_motion_bounds(cell_map.arm, robot.dof)

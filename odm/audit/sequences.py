@@ -73,7 +73,6 @@ class Sequence:
         judge: Judge,
         tamper: Callable[[ReactivePlanner, np.ndarray], None] | None = None,
     ) -> None:
-        """Let the robot stand somewhere, with a goal."""
         self.cell_map, self.robot = cell_map, cell_map.robot
         self.rng = np.random.default_rng(seed)
         self.judge, self.tamper = judge, tamper

@@ -44,7 +44,6 @@ class DepthCamera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        """Check everything once."""
         for key in ("width", "height"):
             value = getattr(self, key)
             if not (is_between(value, 8, MOST_PIXELS) and int(value) == value):

@@ -30,7 +30,6 @@ class CellBuffers:
     """
 
     def __init__(self, cell_map: CellMap, settings: SeenSettings) -> None:
-        """Lay out everything."""
         grid = cell_map.grid
         self.origin, self.h = np.array(grid.origin), float(grid.h)
         self.shape = 4 * np.array(grid.blocks)
@@ -104,7 +103,6 @@ class BodySpheres:
     """The robot's cover, base and locked links included, and what it carries."""
 
     def __init__(self, robot: Robot, d_self: float | None) -> None:
-        """Lay out memory for the cover and a payload."""
         self.robot = robot
         self._d = d_self or 0.0
         n = len(robot.spheres) + _MOST_PAYLOAD

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from odm.cameras._remember import GO_FREE, GO_OCCUPIED, GO_ON
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import CheckedSettings, setting
 
 POLICIES = {"free": GO_FREE, "occupied": GO_OCCUPIED, "keep": GO_ON}
 LARGEST_D_SELF = 0.01  # [m]
 
 
 @dataclass(frozen=True)
-class SeenSettings:
+class SeenSettings(CheckedSettings):
     """Settings of the camera cells: what unseen cells are, which readings are dropped.
 
     Attributes:
@@ -32,32 +32,17 @@ class SeenSettings:
             than this, the camera's scale is wrong: the frame is unfit [m].
     """
 
-    memory_s: float = 0.3
-    speed: float = 1.6
+    memory_s: float = setting(0.3, 0.0, 60.0, "s")
+    speed: float = setting(1.6, 0.0, 20.0, "m/s")
     policy: str = "free"
     shadow: bool = True
-    d_self: float | None = None
-    flying_m: float | None = None
-    noise_m: float = 0.0
-    max_range_m: float = 20.0
+    d_self: float | None = setting(None, 0.0, LARGEST_D_SELF, "m")
+    flying_m: float | None = setting(None, 0.001, 1.0, "m")
+    noise_m: float = setting(0.0, 0.0, 0.1, "m")
+    max_range_m: float = setting(20.0, 0.1, 1000.0, "m")
 
     def __post_init__(self) -> None:
-        ranges = {
-            "memory_s": (self.memory_s, 0.0, 60.0, "s"),
-            "speed": (self.speed, 0.0, 20.0, "m/s"),
-            "d_self": (self.d_self, 0.0, LARGEST_D_SELF, "m"),
-            "flying_m": (self.flying_m, 0.001, 1.0, "m"),
-            "noise_m": (self.noise_m, 0.0, 0.1, "m"),
-            "max_range_m": (self.max_range_m, 0.1, 1000.0, "m"),
-        }
-        for name, (value, low, high, unit) in ranges.items():
-            if value is None and name in ("d_self", "flying_m"):
-                continue
-            if not is_between(value, low, high):
-                raise BadInput(
-                    f"{name} {value} {unit} must lie between {low} and {high} {unit}; "
-                    "change it in SeenSettings"
-                )
+        super().__post_init__()
         if self.policy not in POLICIES:
             raise BadInput(
                 f"the policy {self.policy!r} is unknown; choose one of "

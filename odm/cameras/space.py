@@ -82,7 +82,6 @@ class SeenSpace:
         cameras: Sequence[DepthCamera] | DepthCamera,
         settings: SeenSettings | None = None,
     ) -> None:
-        """Lay out all memory."""
         self.cell_map, self.robot = cell_map, cell_map.robot
         one = isinstance(cameras, DepthCamera)
         self.cameras = (cameras,) if one else tuple(cameras)

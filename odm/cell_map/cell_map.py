@@ -41,7 +41,6 @@ class PayloadLayer:
     closed: np.ndarray
 
     def __post_init__(self) -> None:
-        """Freeze the arrays, keeping their types."""
         freeze(self, spheres=self.spheres.dtype, closed=self.closed.dtype)
 
     def arrays(self) -> dict[str, np.ndarray]:

@@ -66,7 +66,6 @@ class CellLists:
     n_blocks: int
 
     def __post_init__(self) -> None:
-        """Freeze the arrays, keeping their types."""
         freeze(self, **{name: a.dtype for name, a in self.arrays().items()})
 
     def arrays(self) -> dict[str, np.ndarray]:

@@ -58,9 +58,7 @@ def loaded_map(cell_map: CellMap) -> CellMap:
 
     Its arm's layer holds the cells of both; its edges are those of the map, also
     those that the payload layer closes.
-
-    Raises:
-        BadInput: The map has no payload layer.
+    BadInput for a map without a payload layer.
     """
     payload = required(cell_map)
     arm = cell_map.arm_cells.unpacked()

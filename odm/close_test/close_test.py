@@ -30,7 +30,6 @@ class CloseTest:
         work: Work,
         bare: np.ndarray | None = None,
     ) -> None:
-        """Keep what compiled loops take."""
         bare = radii if bare is None else bare
         self.group = Clearance(arm, radii, bare, tolerance, work)
 

@@ -54,7 +54,6 @@ class Safety:
         return self.blending if self.tracking <= self.blending else 0.0
 
     def __post_init__(self) -> None:
-        """Check every term."""
         shares = {name: (0.0, 0.5) for name in MARGINS}
         for name, (low, high) in {**TERMS, **shares}.items():
             between(f"safety.{name}", getattr(self, name), low, high)

@@ -13,13 +13,9 @@ class SortedCloud:
 
     Points outside the grid count, too: radii may be grown by extra clearance, or by how
     far a person can come. So its words are no occupancy.
-
-    Args:
-        grid: The map's grid.
     """
 
     def __init__(self, grid: WorkspaceGrid) -> None:
-        """Have no room yet."""
         self.grid = grid
         self._cloud = grid.new_cloud(0)
 
@@ -38,7 +34,6 @@ class SortedClouds:
     """Room for several sets of points at a time, on a map's grid."""
 
     def __init__(self, grid: WorkspaceGrid) -> None:
-        """Have no room yet."""
         self._grid = grid
         self._rooms: list[SortedCloud] = []
 

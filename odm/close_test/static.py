@@ -50,8 +50,8 @@ class Place(NamedTuple):
         k, names = found, self.point_names
         if found <= FIRST_SOLID:
             k, names = FIRST_SOLID - found, self.solid_names
-        told = [name for first, name in names if first <= k]
-        return told[-1] if told else SET_STATIC
+        before = [name for first, name in names if first <= k]
+        return before[-1] if before else SET_STATIC
 
 
 SET_STATIC = "the scenery set by set_static"
@@ -81,7 +81,6 @@ class StaticTest:
         threads: int = 0,
         finest: float = FINEST,
     ) -> None:
-        """Lay out scratch and the scenery's points."""
         self.robot, self.scenery, self.safety = robot, scenery, safety
         self.finest = finest
         self.arm = arm_of(robot)

@@ -79,7 +79,6 @@ class Executor:
         settings: ExecutionSettings | None = None,
         pace: PaceSettings = PaceSettings(),
     ) -> None:
-        """Stand at q."""
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
         s = self.settings = settings or ExecutionSettings()
@@ -286,8 +285,8 @@ class Executor:
     def _join(self, path: np.ndarray, commit: Commit) -> None:
         """Leave the motion in use for a path at the commit point."""
         scale = float(self.scales[self._level])
-        told = (self.motion, self.t, commit, path, self._blend, scale)
-        self._take(self._timed.join(*told, self.carrying))
+        joint = self.motion, self.t, commit, path, self._blend, scale
+        self._take(self._timed.join(*joint, self.carrying))
         self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s

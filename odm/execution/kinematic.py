@@ -25,7 +25,6 @@ class Follower:
     """
 
     def __init__(self, robot: Robot, speed_scale: float = 1.0) -> None:
-        """Scale the limits."""
         self.robot = robot
         self.max_velocity = frozen(speed_scale * robot.max_velocity, np.float64)
 
@@ -83,7 +82,6 @@ class KinematicMover:
         settings: ExecutionSettings | None = None,
         pace: PaceSettings = PaceSettings(),
     ) -> None:
-        """Stand at q."""
         settings = settings or ExecutionSettings()
         self.robot, self.planner, self.period = robot, planner, period
         self.state, self.reason = STANDING, ""

@@ -23,7 +23,6 @@ class SeparationWatch:
     """
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
-        """Start without a measurement."""
         self.planner, self.last = planner, np.inf
 
     def forget(self) -> None:
@@ -62,7 +61,6 @@ class Lookout:
         period: float,
         settings: LookoutSettings = LookoutSettings(),
     ) -> None:
-        """Start with nobody seen to come."""
         self.planner, self.period, self.settings = planner, period, settings
         self._wait_s = 0.0
         safety = planner.cell_map.safety

@@ -8,13 +8,11 @@ measured.
 import math
 from dataclasses import dataclass
 
-from roadmap.ranges import check_row, check_settings
-
-Ranges = dict[str, tuple[float, float, str]]
+from roadmap.ranges import CheckedSettings, setting
 
 
 @dataclass(frozen=True)
-class ExecutionSettings:
+class ExecutionSettings(CheckedSettings):
     """Settings of the execution: speeds, blends, commit point and retreats.
 
     Attributes:
@@ -46,34 +44,18 @@ class ExecutionSettings:
             nearby takes more frames.
     """
 
-    speed_scale: float = 0.5
-    retreat_scale: float = 0.25
+    speed_scale: float = setting(0.5, 1e-6, 1.0)
+    retreat_scale: float = setting(0.25, 1e-6, 1.0)
     yields: bool = True
-    yield_scale: float = 1.0
-    blend: float = 0.004
-    commit_delay_s: float = 0.05
-    min_retreat_separation: float = 0.022
-    yield_gap: float = 0.005
-    encoder_error: float = 0.0
-    hold_delay_s: float = 0.2
-    levels: int = 5
-    lower: float = 0.6
-
-    def __post_init__(self) -> None:
-        ranges: Ranges = {
-            "speed_scale": (1e-6, 1.0, ""),
-            "retreat_scale": (1e-6, 1.0, ""),
-            "yield_scale": (1e-6, 1.0, ""),
-            "blend": (0.0, 1.0, "m"),
-            "commit_delay_s": (0.0, 10.0, "s"),
-            "min_retreat_separation": (0.0, math.inf, "m"),
-            "yield_gap": (0.0, 0.1, "m"),
-            "encoder_error": (0.0, 0.1, "m"),
-            "hold_delay_s": (0.0, 10.0, "s"),
-            "levels": (1, 100, ""),
-            "lower": (0.01, 0.99, ""),
-        }
-        check_settings(self, ranges, ("levels",))
+    yield_scale: float = setting(1.0, 1e-6, 1.0)
+    blend: float = setting(0.004, 0.0, 1.0, "m")
+    commit_delay_s: float = setting(0.05, 0.0, 10.0, "s")
+    min_retreat_separation: float = setting(0.022, 0.0, math.inf, "m")
+    yield_gap: float = setting(0.005, 0.0, 0.1, "m")
+    encoder_error: float = setting(0.0, 0.0, 0.1, "m")
+    hold_delay_s: float = setting(0.2, 0.0, 10.0, "s")
+    levels: int = setting(5, 1, 100)
+    lower: float = setting(0.6, 0.01, 0.99)
 
     @property
     def slowest_scale(self) -> float:
@@ -82,7 +64,7 @@ class ExecutionSettings:
 
 
 @dataclass(frozen=True)
-class PaceSettings:
+class PaceSettings(CheckedSettings):
     """How the executor goes from speed to speed, and retreats (`executor.Executor`).
 
     Attributes:
@@ -104,32 +86,21 @@ class PaceSettings:
             (`ThreatSettings.jerk`): in 0.05 s that would be 2 mm, a fifth of m.
     """
 
-    look_ahead_s: float = 0.02
-    hindered_s: float = 0.12
-    keep_every: int = 3
-    again: float = 1.5
-    harder: float = 4.0
-    retreat_every: int = 5
-    retreats: tuple[float, ...] = (1.0, 0.4, 0.15)
-    evasions: tuple[float, ...] = (0.8, 0.5, 0.2)
-    slowest: float = 0.01
-    tracking: float = 0.002
-    quick_s: float = 0.05
-
-    def __post_init__(self) -> None:
-        counts = ("keep_every", "retreat_every")
-        ranges: Ranges = dict.fromkeys(counts, (1, 10_000, ""))
-        times = ("look_ahead_s", "hindered_s", "quick_s")
-        ranges |= dict.fromkeys(times, (0.0, 10.0, "s"))
-        ranges |= dict.fromkeys(("again", "harder"), (1.0, 100.0, ""))
-        ranges |= {"slowest": (1e-6, 1.0, ""), "tracking": (0.0, 0.1, "m")}
-        check_settings(self, ranges, counts)
-        for name in ("retreats", "evasions"):
-            check_row(self, name, 1e-6, 1.0)
+    look_ahead_s: float = setting(0.02, 0.0, 10.0, "s")
+    hindered_s: float = setting(0.12, 0.0, 10.0, "s")
+    keep_every: int = setting(3, 1, 10_000)
+    again: float = setting(1.5, 1.0, 100.0)
+    harder: float = setting(4.0, 1.0, 100.0)
+    retreat_every: int = setting(5, 1, 10_000)
+    retreats: tuple[float, ...] = setting((1.0, 0.4, 0.15), 1e-6, 1.0)
+    evasions: tuple[float, ...] = setting((0.8, 0.5, 0.2), 1e-6, 1.0)
+    slowest: float = setting(0.01, 1e-6, 1.0)
+    tracking: float = setting(0.002, 0.0, 0.1, "m")
+    quick_s: float = setting(0.05, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)
-class LookoutSettings:
+class LookoutSettings(CheckedSettings):
     """How far ahead the lookout sees who comes, and how often (`lookout.Lookout`).
 
     Attributes:
@@ -141,20 +112,16 @@ class LookoutSettings:
             take some milliseconds.
     """
 
-    meets: tuple[float, ...] = tuple(0.06 * k for k in range(1, 9))
-    ahead: tuple[float, ...] = (0.12, 0.24, 0.36, 0.48)
-    between_looks: float = 0.02
-    between_searches: float = 0.05
-
-    def __post_init__(self) -> None:
-        names = ("between_looks", "between_searches")
-        check_settings(self, dict.fromkeys(names, (0.0, 10.0, "s")))
-        for name in ("meets", "ahead"):
-            check_row(self, name, 0.0, 10.0, "s")
+    meets: tuple[float, ...] = setting(
+        tuple(0.06 * k for k in range(1, 9)), 0.0, 10.0, "s"
+    )
+    ahead: tuple[float, ...] = setting((0.12, 0.24, 0.36, 0.48), 0.0, 10.0, "s")
+    between_looks: float = setting(0.02, 0.0, 10.0, "s")
+    between_searches: float = setting(0.05, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)
-class StopTestSettings:
+class StopTestSettings(CheckedSettings):
     """How finely the path to a stop is tested (`stop_test`, `shell_test`).
 
     Every choice proves as much: finer pieces free more motions, and cost more.
@@ -169,21 +136,15 @@ class StopTestSettings:
             share.
     """
 
-    slice_s: float = 0.04
-    shell_slice_s: float = 0.02
-    at_once: int = 4
-    places: int = 4
-    near: float = 0.01
-
-    def __post_init__(self) -> None:
-        counts = ("at_once", "places")
-        ranges: Ranges = {"at_once": (1, 1000, ""), "places": (2, 1000, "")}
-        ranges |= dict.fromkeys(("slice_s", "shell_slice_s"), (1e-3, 10.0, "s"))
-        check_settings(self, ranges | {"near": (0.0, 1.0, "m")}, counts)
+    slice_s: float = setting(0.04, 0.001, 10.0, "s")
+    shell_slice_s: float = setting(0.02, 0.001, 10.0, "s")
+    at_once: int = setting(4, 1, 1000)
+    places: int = setting(4, 2, 1000)
+    near: float = setting(0.01, 0.0, 1.0, "m")
 
 
 @dataclass(frozen=True)
-class TrackingSettings:
+class TrackingSettings(CheckedSettings):
     """When a pushed robot counts as held still (`tracking.TrackingMonitor`).
 
     Attributes:
@@ -192,15 +153,12 @@ class TrackingSettings:
             robot led by hand goes on by itself later.
     """
 
-    still: float = 0.001
-    held_s: float = 0.1
-
-    def __post_init__(self) -> None:
-        check_settings(self, {"still": (0.0, 0.1, "m"), "held_s": (0.0, 10.0, "s")})
+    still: float = setting(0.001, 0.0, 0.1, "m")
+    held_s: float = setting(0.1, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)
-class IntentSettings:
+class IntentSettings(CheckedSettings):
     """How finely a robot's intent is told (`robot_threat.intent_threat`).
 
     Every choice holds the robot: finer balls are smaller, and more of them.
@@ -210,17 +168,12 @@ class IntentSettings:
         most: Places on one stretch.
     """
 
-    step_s: float = 0.02
-    most: int = 24
-
-    def __post_init__(self) -> None:
-        check_settings(
-            self, {"step_s": (1e-3, 10.0, "s"), "most": (1, 10_000, "")}, ("most",)
-        )
+    step_s: float = setting(0.02, 0.001, 10.0, "s")
+    most: int = setting(24, 1, 10_000)
 
 
 @dataclass(frozen=True)
-class FollowSettings:
+class FollowSettings(CheckedSettings):
     """How a person is followed from frame to frame (`threat.Watcher`).
 
     Attributes:
@@ -233,19 +186,14 @@ class FollowSettings:
             be anywhere [m].
     """
 
-    drift_s: float = 0.2
-    spurt_s: float = 0.06
-    confirmed: int = 3
-    most_growth: float = 4.0
-
-    def __post_init__(self) -> None:
-        ranges: Ranges = dict.fromkeys(("drift_s", "spurt_s"), (1e-3, 10.0, "s"))
-        ranges |= {"confirmed": (2, 1000, ""), "most_growth": (0.0, 100.0, "m")}
-        check_settings(self, ranges, ("confirmed",))
+    drift_s: float = setting(0.2, 0.001, 10.0, "s")
+    spurt_s: float = setting(0.06, 0.001, 10.0, "s")
+    confirmed: int = setting(3, 2, 1000)
+    most_growth: float = setting(4.0, 0.0, 100.0, "m")
 
 
 @dataclass(frozen=True)
-class AheadSettings:
+class AheadSettings(CheckedSettings):
     """How far ahead a limit of speed or jerk looks (`speed_limit.SpeedLimit`).
 
     Attributes:
@@ -254,9 +202,5 @@ class AheadSettings:
             motion becomes gentle early enough for a gentle stop before the hand.
     """
 
-    direction_s: float = 0.05
-    jerk_s: tuple[float, ...] = (0.0, 0.2, 0.4)
-
-    def __post_init__(self) -> None:
-        check_settings(self, {"direction_s": (1e-3, 10.0, "s")})
-        check_row(self, "jerk_s", 0.0, 10.0, "s")
+    direction_s: float = setting(0.05, 0.001, 10.0, "s")
+    jerk_s: tuple[float, ...] = setting((0.0, 0.2, 0.4), 0.0, 10.0, "s")

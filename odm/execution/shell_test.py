@@ -78,19 +78,14 @@ class _Shells:
         rows = np.ascontiguousarray(capsules)
         if not np.isfinite(rows).all():
             return False
-        told = (self.swept, self.ptr, self.second / 8.0, rows, least)
-        return bool(hulls_apart(*told, _BASE, self.room))
+        shells = (self.swept, self.ptr, self.second / 8.0, rows, least)
+        return bool(hulls_apart(*shells, _BASE, self.room))
 
 
 class ShellTest:
-    """Tests the stops of a retreat against a person who is within the cover.
-
-    Args:
-        planner: Its robot counts, with what it carries, and where its base stands.
-    """
+    """Tests the stops of a retreat against a person who is within the cover."""
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
-        """Keep the planner."""
         self.planner, self.settings = planner, StopTestSettings()
         self._shells: _Shells | None = None
 
@@ -133,13 +128,13 @@ class ShellTest:
         at_once = self.settings.at_once
         n = max(1, math.ceil((end - begin) / self.settings.shell_slice_s - 1e-6))
         times = (begin + (end - begin) * np.arange(n + 1) / n).tolist()
-        told = shells, motion, later - begin, threat, least
+        asked = shells, motion, later - begin, threat, least
         for k in range(0, n, at_once):
             piece = times[k : k + at_once + 1]
             # mostly nobody is so near that several at once are not free
-            if self._pieces_free([piece[0], piece[-1]], *told):
+            if self._pieces_free([piece[0], piece[-1]], *asked):
                 continue
-            if not self._pieces_free(piece, *told):
+            if not self._pieces_free(piece, *asked):
                 return False
         return True
 

@@ -33,7 +33,7 @@ from roadmap.arrays import writable
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
 from roadmap.motion.motion import Motion
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 
 NOBODY = np.zeros((0, 7))
@@ -41,7 +41,7 @@ _SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
 
 @dataclass(frozen=True)
-class SpeedSettings:
+class SpeedSettings(CheckedSettings):
     """Terms of the standard's formula.
 
     Attributes:
@@ -60,38 +60,19 @@ class SpeedSettings:
             motion). Stops do not keep it.
     """
 
-    reaction_s: float = 0.02
-    stopping_s: float = 0.15
-    intrusion: float = 0.0
-    position_error: float = 0.02
-    least_speed: float = 0.15
-    unknown_speed: float = 1.6
-    hand_near: float = 0.25
-    hand_speed: float = 0.5
-    hand_jerk: float = 30.0
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "reaction_s": (0.001, 10.0, "s"),
-            "stopping_s": (0.0, 10.0, "s"),
-            "intrusion": (0.0, 10.0, "m"),
-            "position_error": (0.0, 10.0, "m"),
-            "least_speed": (0.001, 10.0, "m/s"),
-            "unknown_speed": (0.0, 100.0, "m/s"),
-            "hand_near": (0.0, 10.0, "m"),
-            "hand_speed": (0.001, 100.0, "m/s"),
-            "hand_jerk": (0.1, np.inf, "m/s3"),
-        }
-        check_settings(self, ranges)
+    reaction_s: float = setting(0.02, 0.001, 10.0, "s")
+    stopping_s: float = setting(0.15, 0.0, 10.0, "s")
+    intrusion: float = setting(0.0, 0.0, 10.0, "m")
+    position_error: float = setting(0.02, 0.0, 10.0, "m")
+    least_speed: float = setting(0.15, 0.001, 10.0, "m/s")
+    unknown_speed: float = setting(1.6, 0.0, 100.0, "m/s")
+    hand_near: float = setting(0.25, 0.0, 10.0, "m")
+    hand_speed: float = setting(0.5, 0.001, 100.0, "m/s")
+    hand_jerk: float = setting(30.0, 0.1, np.inf, "m/s3")
 
 
 class SpeedLimit:
-    """Says which share of its speed a robot may use, frame by frame.
-
-    Args:
-        robot: The robot.
-        settings: See SpeedSettings.
-    """
+    """Says which share of its speed a robot may use, frame by frame."""
 
     def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
         """Take the spheres of the links that joints move."""

@@ -46,9 +46,7 @@ class HeldOut(Protocol):
 class BrakingTest:
     """Tests stops against a person who moves on.
 
-    Args:
-        planner: Asked with `blocked_leg`: a planner, or a `HeldOut`.
-        settings: How finely.
+    Its planner answers `blocked_leg`: a planner of this package, or a `HeldOut`.
     """
 
     def __init__(
@@ -56,7 +54,6 @@ class BrakingTest:
         planner: Any,  # noqa: ANN401
         settings: StopTestSettings = StopTestSettings(),
     ) -> None:
-        """Keep the planner."""
         self.planner, self.settings = planner, settings
 
     def passes(

@@ -53,7 +53,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
 from numbers import Real
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -62,14 +62,17 @@ from odm.execution._threat import Ability, Tracks, follow, write_between, write_
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
+_OF_PARTS = (
+    "capsules", "velocity", "error", "drift", "most", "window", "widening", "untouched"
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class ThreatSettings:
+class ThreatSettings(CheckedSettings):
     """Bounds on a person's motion, and on the error of its measurement.
 
     Attributes:
@@ -97,25 +100,13 @@ class ThreatSettings:
             (decision 0072).
     """
 
-    speed: float = 2.0
-    acceleration: float = 4.0
-    noise: float = 0.0
-    max_plausible_speed: float = 5.0
-    max_plausible_acceleration: float = 60.0
-    rise: float = 1.5
-    jerk: float = 80.0
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "speed": (0.0, 100.0, "m/s"),
-            "acceleration": (0.0, 1e4, "m/s2"),
-            "jerk": (0.0, 1e6, "m/s3"),
-            "noise": (0.0, 1.0, "m"),
-            "max_plausible_speed": (0.0, 1e3, "m/s"),
-            "max_plausible_acceleration": (0.0, 1e4, "m/s2"),
-            "rise": (0.0, 100.0, ""),
-        }
-        check_settings(self, ranges)
+    speed: float = setting(2.0, 0.0, 100.0, "m/s")
+    acceleration: float = setting(4.0, 0.0, 1e4, "m/s2")
+    noise: float = setting(0.0, 0.0, 1.0, "m")
+    max_plausible_speed: float = setting(5.0, 0.0, 1000.0, "m/s")
+    max_plausible_acceleration: float = setting(60.0, 0.0, 1e4, "m/s2")
+    rise: float = setting(1.5, 0.0, 100.0)
+    jerk: float = setting(80.0, 0.0, 1e6, "m/s3")
 
     @property
     def window(self) -> float:
@@ -212,27 +203,11 @@ class Threat:
     def of(self, these: np.ndarray | slice) -> "Threat":
         """Return the threat of some of the parts alone."""
         rows = np.arange(len(self.capsules)) if self.rows is None else self.rows
-        how = (self.drift, rows, self.most, self.window, self.widening, self.untouched)
-        drift, rows, most, window, widening, untouched = (
-            x if x is None else x[these] for x in how
-        )
-        return Threat(
-            self.capsules[these],
-            self.velocity[these],
-            self.error[these],
-            self.age,
-            self.settings,
-            drift,
-            self.unknown,
-            self.past,
-            rows,
-            most,
-            window,
-            widening,
-            untouched,
-            self.follow,
-            self.jerk,
-        )
+        some: dict[str, Any] = {"rows": rows[these]}
+        for name in _OF_PARTS:
+            known = getattr(self, name)
+            some[name] = None if known is None else known[these]
+        return replace(self, **some)
 
     def left_alone(self, these: slice, time: float) -> "Threat":
         """Return the threat where nothing accelerates some parts; see the module.
@@ -313,8 +288,8 @@ class Threat:
         s, most = self.settings, self.follow.most_growth
         jerk = s.jerk if self.jerk is None else self.jerk
         limits = tuple(map(float, (s.noise, self._unknown, most, jerk)))
-        told = self._ability, limits, begin + age, end + age, room.capsules
-        return room, 0.0 if write_between(*told) else math.inf
+        growth = self._ability, limits, begin + age, end + age, room.capsules
+        return room, 0.0 if write_between(*growth) else math.inf
 
     def displacement_bound(self, time: float) -> float:
         """Return how far a part may be from where its velocity leads it by then [m]."""
@@ -466,7 +441,6 @@ class Watcher:
     def __init__(
         self, settings: ThreatSettings | None = None, follow: FollowSettings = _FOLLOW
     ) -> None:
-        """Start before the first frame."""
         self.follow = follow
         self.settings = s = settings or ThreatSettings()
         self._limits = np.array(

@@ -17,7 +17,6 @@ class TimedBefore:
     """Joins and rescales motions; what was asked last is answered as it was."""
 
     def __init__(self) -> None:
-        """Know nothing."""
         self._joined: tuple[tuple, np.ndarray, Motion] | None = None
         self._rescaled: tuple[tuple, Motion] | None = None
 

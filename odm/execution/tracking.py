@@ -15,11 +15,7 @@ _ROUNDING = 1e-9  # [m]
 class TrackingMonitor:
     """Compares the measured configuration with the set-point.
 
-    Args:
-        robot: The robot, with what it carries at first.
-        share: A deviation within this counts as none [m].
-        period: Time between frames [s].
-        settings: When it is held still.
+    A deviation within `share` [m] counts as none.
 
     Attributes:
         off: How far any point of the robot may be from its set-point [m]; 0 within the
@@ -35,7 +31,6 @@ class TrackingMonitor:
         period: float,
         settings: TrackingSettings = TrackingSettings(),
     ) -> None:
-        """Nothing was measured."""
         self.robot, self.period, self.settings = robot, period, settings
         self.off, self.offset, self.note = 0.0, np.zeros(robot.dof), ""
         self._share = share + _ROUNDING

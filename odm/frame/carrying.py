@@ -22,9 +22,6 @@ class Carrier:
     Without such a layer the roadmap is closed while something is held, and the tool
     must stay where the map's grid sees what is around the object.
 
-    Args:
-        frame: Its memory and scenery must be laid out.
-
     Attributes:
         bare: The static test of the robot with nothing in its hand.
         robot: The robot with what is in its hand.
@@ -32,7 +29,6 @@ class Carrier:
     """
 
     def __init__(self, frame: Frame) -> None:
-        """Merge the layers, where the map has a payload layer."""
         self.frame, self.bare, self.robot = frame, frame.static, frame.robot
         m, cell_map = frame.memory, frame.cell_map
         self._bare_groups = {
@@ -62,8 +58,7 @@ class Carrier:
     def fitting(self, thing: object, T_tool_object: np.ndarray) -> CarriedObject:
         """Return an object as it would be held, in the tool frame.
 
-        Raises:
-            BadInput: It is larger than the map's envelope.
+        BadInput for one that is larger than the map's envelope.
         """
         thing = carried_object(thing).moved(check_pose(T_tool_object, "T_tool_object"))
         layer = self.frame.cell_map.payload

@@ -116,7 +116,6 @@ class Frame:
         finger_pads: tuple[str, ...],
         watch: SensorWatch,
     ) -> None:
-        """Lay out all memory; nothing is seen, carried or placed."""
         self.cell_map, self.robot = cell_map, cell_map.robot
         self.finger_pads, self.watch = finger_pads, watch
         self.static = StaticTest(
@@ -188,9 +187,6 @@ class Frame:
         """Return a frame's points and q as compiled loops take them.
 
         Its shapes and classes wait for `take`: what was refused is no frame.
-
-        Raises:
-            BadInput: Wrong shape or dtype, or a covering radius above the map's rho.
         """
         if get_ident() != self._owner.thread:
             self._owner.check()
@@ -267,9 +263,9 @@ class Frame:
         if stamp is not None or now is not None or self._unfit is not None:
             q = None
         plain = covering_radius is None and rounding is None
-        told = _AS_THE_MAP if plain else (covering_radius, rounding)
-        if told is not self.sampled and told != self.sampled:
-            self.set_sampling(told)
+        sampling = _AS_THE_MAP if plain else (covering_radius, rounding)
+        if sampling is not self.sampled and sampling != self.sampled:
+            self.set_sampling(sampling)
         self.n_given = len(points)
         if self.obstacles is None:
             return self._take_points(points, stamp, now, q)
@@ -504,8 +500,8 @@ class Frame:
         n_given = int(saved["heeded"])  # as files have called it
         self.classes = classes.copy() if len(classes) == n_given else None
         self.trouble = str(saved["trouble"]) or None
-        told = [None if np.isnan(value) else value for value in saved["sampled"]]
-        self.set_sampling(tuple(told))
+        sampling = [None if np.isnan(value) else value for value in saved["sampled"]]
+        self.set_sampling(tuple(sampling))
         self.memory.numbers.frame[0] -= 1  # which marking adds
         self._load_solids(saved)
         self.replace(saved["points"], n_given)
@@ -579,8 +575,8 @@ class Frame:
     def solid_classes(self) -> np.ndarray:
         """(k,) classes of the frame's shapes, all odm.AVOID where none were told."""
         n = self.memory.solids.count.item()
-        told = self.obstacles
-        return np.zeros(n, np.int8) if told is None else told.shape_classes[:n]
+        given = self.obstacles
+        return np.zeros(n, np.int8) if given is None else given.shape_classes[:n]
 
     @property
     def solids(self) -> Solids:

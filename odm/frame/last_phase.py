@@ -31,15 +31,9 @@ _TOUCHED = {"give": CONTACT, "receive": OBJECT}
 
 
 class LastPhase:
-    """The close test where some links may touch some points.
-
-    Args:
-        frame: Its hand and clearance count.
-        grid: Where points are laid out; None: the map's.
-    """
+    """The close test where some links may touch some points."""
 
     def __init__(self, frame: Frame, grid: WorkspaceGrid | None = None) -> None:
-        """Lay out room."""
         self.frame = frame
         grid = grid or frame.cell_map.grid
         self._others, self._touched = SortedCloud(grid), SortedCloud(grid)
@@ -60,8 +54,7 @@ class LastPhase:
     ) -> None:
         """Take points (n, 3) and solids in the base frame, and the classes of each.
 
-        Raises:
-            BadInput: No such phase; nothing to give; no pads to receive with.
+        BadInput for no phase, nothing to give, or no pads to receive with.
         """
         self._may = self._links_that_may(phase)
         if len(points) or self._chosen is None or len(self._chosen):
@@ -111,18 +104,14 @@ class LastPhase:
     ) -> int | None:
         """Return the first leg of a path for which `hit` finds something, or None.
 
-        Args:
-            cover: As in `hit`.
-            path: (k, dof) corners; a single one is a robot at rest.
-            extra: As in `hit` [m].
-            escape: As in `hit`.
+        A single corner is a robot at rest.
         """
         tests = enumerate(self._tests(cover, extra))
-        told = [
+        blocked = [
             t.first_blocked(path, self._clouds[k], self._solids[k])
             for k, (t, _) in tests
         ]
-        begin = min((leg for leg in told if leg is not None), default=None)
+        begin = min((leg for leg in blocked if leg is not None), default=None)
         if begin is None or not escape:
             return begin  # what keeps its whole distance is an escape, too
         legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
@@ -142,9 +131,9 @@ class LastPhase:
         tolerance, work = self.frame.cell_map.motion_tolerance, cover.work
         grown = self.frame.grown
         all_radii = grown(cover.radii, cover.bare, extra)
-        told = (cover.arm, all_radii, tolerance, work, cover.bare + extra)
+        whole = (cover.arm, all_radii, tolerance, work, cover.bare + extra)
         few = (arm, grown(radii, bare, extra), tolerance, work, bare + extra)
-        return [(CloseTest(*told), None), (CloseTest(*few), kept)]
+        return [(CloseTest(*whole), None), (CloseTest(*few), kept)]
 
     def _protected_spheres(
         self, cover: Cover

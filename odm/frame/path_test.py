@@ -17,15 +17,9 @@ from roadmap.kinematics.forward import short_ways
 
 
 class PathTest:
-    """Tests whole paths, corner to corner, against obstacles that come nearer.
-
-    Args:
-        frame: Its hand, clearance and points count.
-        last_phase: What tests a phase.
-    """
+    """Tests whole paths, corner to corner, against obstacles that come nearer."""
 
     def __init__(self, frame: Frame, last_phase: LastPhase) -> None:
-        """Lay out memory for points that are expected."""
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
         self._shapes = SolidRoom()

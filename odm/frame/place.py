@@ -13,8 +13,8 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
-from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.obstacles import Obstacles, SolidRoom, is_small_hull, together
+from odm.obstacles.mesh_surface import cover_densely, is_small_hull
+from odm.obstacles.obstacles import Obstacles, SolidRoom, together
 from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
@@ -59,17 +59,18 @@ class Thing:
     """
 
     def __init__(self, name: str, parts: tuple, rho: float) -> None:
-        """Sample all surfaces."""
         self.name, self.parts = name, parts
         exact, covers, loose = [], [], [np.zeros((0, 3))]
         for part in parts:
             if isinstance(part, Surface):
                 require_covering(part, rho)
                 loose.append(part.points)
-            elif isinstance(part, shapes.Mesh) and not is_small_hull(part):
-                loose.append(_mesh_points(part, rho))
-            else:
+            elif not isinstance(part, shapes.Mesh):
                 exact.append(part)
+            elif is_small_hull(part.vertices, part.faces):
+                exact.append(part)
+            else:
+                loose.append(_mesh_points(part, rho))
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
         self._solids_at(np.eye(4))  # refuses sizes before samples take their time
         covers = [surface_of(part, rho).points for part in exact]
@@ -114,8 +115,8 @@ def place_of(things: Iterable[Standing]) -> Place:
     solids, of_solids = together([thing.solids for thing in things])
     of_points = np.cumsum([0, *(len(thing.points) for thing in things)])
     firsts = of_points.tolist(), of_solids.tolist()  # and the ends, which name nothing
-    told = (tuple(zip(first, names, strict=False)) for first in firsts)
-    return Place(points, solids, *told)
+    named = (tuple(zip(first, names, strict=False)) for first in firsts)
+    return Place(points, solids, *named)
 
 
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
@@ -181,7 +182,6 @@ class PlaceItems:
         static: StaticTest,
         closed: np.ndarray | None = None,
     ) -> None:
-        """Nothing stands there."""
         self._graph, self._direct, self._static = graph, direct, static
         n = len(graph.closed)
         self._closed = np.zeros(n, np.bool_) if closed is None else closed

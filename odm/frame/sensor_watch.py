@@ -53,7 +53,6 @@ class SensorWatch:
     """
 
     def __init__(self, max_age_s: float, max_range_m: float) -> None:
-        """Know of no frame."""
         self.max_age_s, self.max_range_m = max_age_s, max_range_m
         self.reset()
 

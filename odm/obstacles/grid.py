@@ -23,9 +23,6 @@ class WorkspaceGrid:
         origin: (3,) lower corner in the base frame [m].
         h: Side of a cell [m].
         blocks: (3,) number of blocks along each axis.
-
-    Raises:
-        BadInput: More than `LARGEST_GRID` blocks.
     """
 
     origin: np.ndarray
@@ -78,9 +75,6 @@ def bounding_ball(robot: Robot) -> tuple[np.ndarray, float]:
 
     From the first moving joint on, every body's origin stays within the summed
     lengths of the links before it; a slide adds its longest travel.
-
-    Raises:
-        BadInput: No link that a joint moves has geometry.
     """
     if not robot.moving.any():
         raise BadInput(

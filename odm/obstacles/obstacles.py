@@ -12,6 +12,7 @@ from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
+from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.errors import BadInput
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
@@ -92,7 +93,6 @@ class Obstacles:
         labels: Mapping[str, Sequence[str]] | None = None,
         classes: Mapping[str, Sequence[int]] | None = None,
     ) -> None:
-        """Lay all rows out in one array."""
         if (
             spheres is cylinders is boxes is _NONE
             and points is labels is classes is None
@@ -147,14 +147,14 @@ class Obstacles:
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
 
-    def _classify(self, told: dict) -> None:
+    def _classify(self, classes: dict) -> None:
         """Keep the classes of points and of all shapes."""
-        if "points" in told:
-            self.classes = np.asarray(told["points"])
+        if "points" in classes:
+            self.classes = np.asarray(classes["points"])
         ends = np.cumsum(self.counts).tolist()
         for kind, n, end in zip(KINDS, self.counts.tolist(), ends, strict=True):
-            if kind in told:
-                own = np.asarray(check_classes(told[kind], n))
+            if kind in classes:
+                own = np.asarray(check_classes(classes[kind], n))
                 self.shape_classes[end - n : end] = own
 
     @classmethod
@@ -237,23 +237,23 @@ class Obstacles:
             )
         there[...] = rows
 
-    def _by_kind(self, what: str, told: object, kinds: tuple[str, ...]) -> dict:
-        if told is None:
+    def _by_kind(self, what: str, given: object, kinds: tuple[str, ...]) -> dict:
+        if given is None:
             return {}
-        if not isinstance(told, Mapping) or not set(told) <= set(kinds):
+        if not isinstance(given, Mapping) or not set(given) <= set(kinds):
             raise BadInput(
-                f"{what} are {told!r}; give a mapping from some of {', '.join(kinds)} "
+                f"{what} are {given!r}; give a mapping from some of {', '.join(kinds)} "
                 "to one for each"
             )
-        told = {kind: values for kind, values in told.items() if values is not None}
-        for kind, values in told.items():
+        given = {kind: values for kind, values in given.items() if values is not None}
+        for kind, values in given.items():
             n = len(self._points if kind == "points" else self._views[kind])
             if len(values) != n:
                 raise BadInput(
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "
                     "each"
                 )
-        return told
+        return given
 
 
 class Hull:
@@ -284,8 +284,6 @@ class Hull:
 
     def samples(self, spacing: float) -> np.ndarray:
         """Return points (n, 3) that cover the surface within `spacing` [m]."""
-        from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
-
         if self._samples is None or self._samples[0] != spacing:
             mesh = self.vertices, self.triangles
             points, _ = sample_closed_mesh(*mesh, spacing, FRAME_FINE)
@@ -325,13 +323,6 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, [0, 2, 1]]
     return Hull(kept, triangles)
-
-
-def is_small_hull(mesh: solid.Mesh) -> bool:
-    """Return whether the hull of a mesh stands for it; see `mesh_surface`."""
-    from odm.obstacles.mesh_surface import is_small_hull
-
-    return is_small_hull(mesh.vertices, mesh.faces)
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else
@@ -427,7 +418,6 @@ class SolidRoom:
     """Room for obstacles that are no frame's: shapes as solids, without samples."""
 
     def __init__(self) -> None:
-        """Have no room yet."""
         sizes = {"shapes": 0, "faces": 0, "patterns": 0, "samples": 0}
         self._solids, self._patterns = new(Solids, sizes), new(Patterns, sizes)
 

@@ -103,7 +103,6 @@ class PointCloud:
         spacing: float = 0.005,
         max_range_m: float | None = None,
     ) -> None:
-        """Do all of it."""
         points = point_floats(points)
         if points.ndim not in (2, 3) or points.shape[-1] != 3:
             raise BadInput(
@@ -144,7 +143,10 @@ class PointCloud:
         self, points: np.ndarray, crop: "_Crop", limit: float | None
     ) -> np.ndarray:
         """Return the points (n, 3) inside; count the others, note what is wrong."""
-        there, limit = crop.placed(points), crop.max_range_m if limit is None else limit
+        there, limit = (
+            crop.in_frame(points),
+            crop.max_range_m if limit is None else limit,
+        )
         if self.trouble is None:
             away = crop.away(there)
             n_beyond = int(np.count_nonzero(away > limit))
@@ -185,7 +187,7 @@ class _Crop(NamedTuple):
     whence: str
     max_range_m: float
 
-    def placed(self, points: np.ndarray) -> np.ndarray:
+    def in_frame(self, points: np.ndarray) -> np.ndarray:
         """Return points (n, 3) of the world in the frame of the corners."""
         if self.T is None:
             return points

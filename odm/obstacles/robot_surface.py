@@ -44,7 +44,6 @@ class RobotSurface:
     """
 
     def __init__(self, robot: Robot, spacing: float = 0.03, parts: str = "all") -> None:
-        """Sample the solids, each in the frame of its body."""
         if parts not in PARTS:
             raise BadInput(
                 f"parts is {parts!r}; choose one of {', '.join(PARTS)} links"

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from odm.obstacles.obstacles import hull_of, is_small_hull
+from odm.obstacles.mesh_surface import is_small_hull
+from odm.obstacles.obstacles import hull_of
 from odm.obstacles.scene_files import read_scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import surface_of
@@ -204,7 +205,7 @@ class _Made:
         elif isinstance(shape, Cylinder):
             row[0], row[1:4], row[4:7] = _CYLINDER, T[:3, 3], T[:3, 2]
             row[7], row[8] = shape.radius, 0.5 * shape.length
-        elif is_small_hull(shape):
+        elif is_small_hull(shape.vertices, shape.faces):
             first = sum(map(len, self.faces))
             vertices = moved_points(shape.vertices, T)
             hull = hull_of(Mesh(vertices, shape.faces))

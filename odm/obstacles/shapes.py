@@ -63,7 +63,6 @@ class Sphere(_Posed):
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
     def __post_init__(self) -> None:
-        """Check radius and pose."""
         self._set("radius", _check_size("sphere", "radius", self.radius))
         self._set("T_base_shape", check_pose(self.T_base_shape))
 
@@ -75,7 +74,6 @@ class _Rod(_Posed):
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
     def __post_init__(self) -> None:
-        """Check sizes and pose."""
         kind = type(self).__name__.lower()
         round_end = isinstance(self, Capsule)
         self._set("radius", _check_size(kind, "radius", self.radius))
@@ -117,7 +115,6 @@ class Box(_Posed):
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
     def __post_init__(self) -> None:
-        """Check size and pose."""
         size = as_floats("the size of a box", self.size)
         if size.shape != (3,):
             raise BadInput(f"a box has 3 edge lengths, not shape {size.shape}")

@@ -39,7 +39,6 @@ class Surface:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        """Check points and radius."""
         points = np.asarray(self.points, float)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"points have shape {points.shape}: give them as (n, 3) [m]")

@@ -18,7 +18,6 @@ class WorldFrame:
     """
 
     def __init__(self, T_world_base: np.ndarray) -> None:
-        """Keep the pose and its inverse."""
         T = check_pose(T_world_base, "T_world_base")
         self.T_world_base = frozen(T, np.float64)
         self.T_base_world = frozen(inverse_pose(T), np.float64)

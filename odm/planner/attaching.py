@@ -53,7 +53,6 @@ class Attacher:
         candidates: Candidates,
         wanted: PlannerSettings,
     ) -> None:
-        """Attach nothing yet."""
         self.settings = AttachSettings()
         self.frame, self.path = frame, path
         self.candidate, self.candidates = candidate, candidates
@@ -350,12 +349,12 @@ class Attacher:
         m, left = self.frame.memory, most
         n, number = int(m.goals.count[0]), self.frame.number
         if self.start_waits:
-            vertex, looks = m.goals.count.item(1), self.settings.looks
+            vertex, looks = m.goals.count.item(1), self.settings.waiting_tests
             free, _ = self._free_first(vertex, self.q_attached, looks)
             if free:
                 done = self._more_of_start(min(free, left))
                 self.start_waits, left = done > 0, left - done
-        looks = self.settings.looks
+        looks = self.settings.waiting_tests
         for g in range(number, number + n):
             g %= n
             if not left or not looks:
@@ -690,12 +689,8 @@ class Attacher:
     ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
         """Certify motions between q and the next near nodes that wait.
 
-        Args:
-            q: (dof,) the configuration of `vertex`.
-            vertex: Of the start or a goal.
-            wanted: Motions that it may have yet.
-            most: Nodes to try now.
-            outward: From q to the nodes; else the other way.
+        `vertex` is that of q, `wanted` how many motions it may have yet, `most` how
+        many nodes are tried now. `outward`: from q to the nodes; else the other way.
 
         Returns:
             How many were tried, the nodes (k,) and the motions' begins and

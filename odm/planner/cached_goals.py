@@ -13,15 +13,9 @@ _KEPT = ("h", "node", "length", "ref", "number", "vertex")
 
 
 class CachedGoals:
-    """What is known of the goals attached last; the least recently used one goes.
-
-    Args:
-        goals: The planner's table of goals.
-        most: Goals kept; 0: none.
-    """
+    """What is known of the goals attached last; the least recently used one goes."""
 
     def __init__(self, goals: kinds.Goals, most: int) -> None:
-        """Lay out the memory; know no goal."""
         self.most = most
         self._rows = {
             name: np.empty_like(getattr(goals, name)[:1]).repeat(most, axis=0)

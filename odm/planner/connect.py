@@ -38,11 +38,7 @@ class FoundPath(NamedTuple):
 class Connector:
     """Looks for paths beyond the roadmap, and remembers those that it found.
 
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        attacher: Makes cells of legs, and numbers of vertices.
-        budget: Configurations that a frame looks at; 0: it never searches.
+    A frame looks at `budget` configurations; 0: it never searches.
 
     Attributes:
         looked: Configurations looked at for this start and these goals.
@@ -56,7 +52,6 @@ class Connector:
     def __init__(
         self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
     ) -> None:
-        """Know no path, and no trees."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self.budget, self.settings = budget, ConnectSettings()
         self.trees, self.found = frame.memory.trees, frame.memory.found
@@ -86,7 +81,7 @@ class Connector:
         self._asked = self.frame.number
         if self.path.followed and (waits or self._is_mine()):
             self.frames_to_persist = patience
-        joins = self.is_new or self.frame.number % self.settings.joins_in == 0
+        joins = self.is_new or self.frame.number % self.settings.join_every == 0
         return self._free_path(q, joins)
 
     def search(self, q: np.ndarray, moves: bool) -> FoundPath | None:
@@ -145,7 +140,7 @@ class Connector:
         s, most = self.settings, self.budget // 4
         return int(self._search(s.per_test * budget, min(most, s.shorten)))
 
-    def told(self) -> str:
+    def progress(self) -> str:
         """Return how far a search has come, for an explanation."""
         if not self.looked:
             return ""

@@ -48,15 +48,8 @@ class Decision:
     """Decides what a frame comes to.
 
     The common frame is one compiled call (`odm/search/_step.py::respond`); what it
-    cannot answer alone is decided here.
-
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        attacher: Joins a configuration to the roadmap.
-        always_replan: Search from scratch in every frame: nothing is kept.
-        patience: Frames that a path must be there after one was blocked that was only
-            just free.
+    cannot answer alone is decided here. After a path was blocked that was only just
+    free, the next one must be there for `patience` frames.
 
     Attributes:
         new_goals: Goals were set since the last frame.
@@ -65,30 +58,14 @@ class Decision:
     """
 
     def __init__(
-        self,
-        frame: Frame,
-        path: PathInUse,
-        attacher: Attacher,
-        always_replan: bool,
-        patience: int,
+        self, frame: Frame, path: PathInUse, attacher: Attacher, patience: int
     ) -> None:
-        """No frame was seen."""
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.new_goals = self.only_seen = self.joined = self._joins_first = False
-        self._patience = patience
+        self._patience, self._joining = patience, attacher.settings
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
-        self.always_replan = always_replan
-
-    @property
-    def always_replan(self) -> bool:
-        """Whether every frame searches from scratch."""
-        return self._always
-
-    @always_replan.setter
-    def always_replan(self, always: bool) -> None:
-        self._always = always
-        self._memory.rules.always[0] = bool(always)
+        self._always = frame.memory.rules.always  # 1: search from scratch
 
     @property
     def waits(self) -> bool:
@@ -98,7 +75,7 @@ class Decision:
     @property
     def patience(self) -> int:
         """Frames in a row that a path must be free, after another was blocked."""
-        return 0 if self._always else self._patience
+        return 0 if self._always.item() else self._patience
 
     def frames_to_wait(self, beyond: int) -> int:
         """Return in how many more frames a path that is free only now must be found.
@@ -207,7 +184,7 @@ class Decision:
         Of the candidate first, then of the path in use, if that is not free.
         """
         for _ in range(2):
-            waits = self._numbers.candidate.item() and not self._always
+            waits = self._numbers.candidate.item() and not self._always.item()
             (self.attacher.candidate if waits else self.path).certify_off_path(q)
             said = step.respond(self._memory.table, q, now)
             if said % step.SEGMENT != step.OFF_PATH:
@@ -222,7 +199,7 @@ class Decision:
             self._numbers.stood[0] = -1
             if stands:
                 self._join(NEW_GOALS, q, STANDS)
-        elif stands and self._numbers.stood.item() + 1 >= self.attacher.settings.stays:
+        elif stands and self._numbers.stood.item() + 1 >= self._joining.rejoin_in:
             self._join(LINGERS, q, STANDS)
 
     def join_between(self) -> bool:
@@ -231,8 +208,8 @@ class Decision:
         Where it stands, a better path may leave by other nodes than those on its path.
         """
         q, self._looked = self.frame.q, self.frame.number
-        lingers = self._numbers.stood.item() >= self.attacher.settings.lingers
-        if self.attacher.without_cells and lingers:
+        idle = self._numbers.stood.item() >= self._joining.rejoin_idle_in
+        if self.attacher.without_cells and idle:
             return self._join(LINGERS, q)
         if self.robot == STANDS and self.sees_better_goal():
             return self._join(BETTER_GOAL, q)
@@ -265,7 +242,7 @@ class Decision:
         if not np.isfinite(robot.before).all():
             return JUMPED
         moved = np.abs(self.frame.difference(robot.before, robot.q)).max()
-        return MOVES if moved < self.attacher.settings.passes else JUMPED
+        return MOVES if moved < self._joining.jump else JUMPED
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what came since the last frame, and the last look."""

@@ -50,7 +50,6 @@ class Reasons:
         searched: Callable[[], str],
         waiting: Callable[[], int],
     ) -> None:
-        """Remember the frame."""
         self.frame, self.attacher, self.trouble = frame, attacher, trouble
         self._searched, self._waiting = searched, waiting
         self._retreat = retreat
@@ -140,8 +139,8 @@ class Reasons:
                 f"; a path that is free now is taken when it stays so for {left} more "
                 "frames (PlannerSettings.persistence_frames)"
             )
-        told = "" if left else self._searched()
-        text += f"; {told}" if told else ""
+        searched = "" if left else self._searched()
+        text += f"; {searched}" if searched else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
 
@@ -202,8 +201,8 @@ def _more(length: float) -> str:
 
 def _less(gap: float, keep: float) -> str:
     """Return a gap [m] below the one to keep [m] so that it reads as less, too."""
-    told = in_cm(gap)
-    return in_cm(round(keep, 3) - 0.001) if told == in_cm(keep) else told
+    text = in_cm(gap)
+    return in_cm(round(keep, 3) - 0.001) if text == in_cm(keep) else text
 
 
 def _unpack(block: int, word: int, frame: Frame) -> list[tuple[int, int, int]]:

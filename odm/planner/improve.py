@@ -23,15 +23,6 @@ class Improver:
     In this order: the robot is joined to the roadmap anew where that may help; a better
     path is searched; the straight motion to the goal is tested; then cuts from corner
     to corner and changes in between, half of the budget each.
-
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        candidate: What is offered to the next frame.
-        cutter: Finds cuts.
-        smoother: Changes the candidate.
-        join: Joins the robot to the roadmap anew where that may help.
-        settings: How often it looks, and what a join counts.
     """
 
     def __init__(
@@ -44,7 +35,6 @@ class Improver:
         join: Callable[[], bool],
         settings: ImproveSettings = ImproveSettings(),
     ) -> None:
-        """No look was taken."""
         self.settings = settings
         self.frame, self.path, self.candidate = frame, path, candidate
         self.cutter, self.smoother, self._join = cutter, smoother, join

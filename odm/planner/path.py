@@ -16,16 +16,12 @@ class PathInUse:
     Each segment keeps the two ends of the motion that was certified. Whoever writes a
     segment certifies it; nothing else may be said about it.
 
-    Args:
-        frame: Its memory holds the path.
-
     Attributes:
         followed: Whether the frame before led along it.
         item, vertex, q: Of the segments and the corners; see `Path` of the search.
     """
 
     def __init__(self, frame: Frame) -> None:
-        """There is none yet."""
         self.frame = frame
         memory = frame.memory
         self._path, self._off_path = memory.path, memory.off_path
@@ -120,8 +116,10 @@ class PathInUse:
         if self._tube_is_free and off @ self._certificates.motion_bound <= _TUBE_RADIUS:
             off_path.free[:] = 1
         else:
-            told = np.stack([q, q]), off_path.q[1:] - q
-            off_path.free[:] = static.motions_free(*told, nearer=static.safety.rounding)
+            motions = np.stack([q, q]), off_path.q[1:] - q
+            off_path.free[:] = static.motions_free(
+                *motions, nearer=static.safety.rounding
+            )
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.
@@ -201,7 +199,6 @@ class CandidatePath(PathInUse):
     """
 
     def __init__(self, frame: Frame) -> None:
-        """There is none yet."""
         super().__init__(frame)
         m = frame.memory
         self._path, self._certificates, self._count = (
@@ -237,7 +234,6 @@ class Candidates:
     """
 
     def __init__(self, frame: Frame) -> None:
-        """Know none."""
         self._shortcuts = frame.memory.shortcuts
         self._earlier = frame.memory.earlier_paths
 

@@ -105,7 +105,6 @@ class ReactivePlanner:
         always_replan: bool = False,
         settings: PlannerSettings | None = None,
     ) -> None:
-        """Lay out all memory and compile nothing yet."""
         check_kind("cell_map", cell_map, CellMap, "give what odm.load_map returns")
         if settings is not None:
             remedy = "give odm.PlannerSettings(...)"
@@ -129,7 +128,7 @@ class ReactivePlanner:
         self.attacher = attacher
         # what works on it
         patience = s.persistence_frames if s.history_s else 0
-        self.decision = Decision(frame, path, attacher, always_replan, patience)
+        self.decision = Decision(frame, path, attacher, patience)
         self._shares = shares = ImproveSettings()
         self._improver = Improver(
             frame,
@@ -144,6 +143,7 @@ class ReactivePlanner:
         changed = partial(_scene_changed, self.carrier, attacher, self.connector)
         self.scene = Scene(frame, self.carrier, changed)
         self._retreat = Retreat(frame, attacher)
+        self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
         # what `respond` said last, and the rows and the goal that this stands for
@@ -177,11 +177,11 @@ class ReactivePlanner:
     @property
     def always_replan(self) -> bool:
         """Whether every frame searches from scratch; it may be set."""
-        return self.decision.always_replan
+        return bool(self._memory.rules.always.item())
 
     @always_replan.setter
     def always_replan(self, always: bool) -> None:
-        self.decision.always_replan = always
+        self._memory.rules.always[0] = bool(always)
 
     @property
     def smoother(self) -> Smoother:
@@ -391,8 +391,8 @@ class ReactivePlanner:
         points = check_points(what, None, None, np.inf)
         if self.settings.history_s:
             points = self.frame.world_ahead.points(points)
-            told = writable(points), writable(rods), self.frame.base_world
-            expected.expect(self._memory.table, *told, np.empty((3, 3)))
+            kept_off = writable(points), writable(rods), self.frame.base_world
+            expected.expect(self._memory.table, *kept_off, np.empty((3, 3)))
 
     def step(
         self,
@@ -567,9 +567,8 @@ class ReactivePlanner:
 
     def _hold(self, begun: int, closed: bool, trouble: str | None) -> Answer:
         self.path.followed = False
-        told = self.connector.told
-        how = told, self._frames_to_wait
-        why = Reasons(self.frame, self.attacher, self._retreat, trouble, *how)
+        state = trouble, self.connector.progress, self._frames_to_wait
+        why = Reasons(self.frame, self.attacher, self._retreat, *state)
         return self._answer(HOLDING, self._nowhere, None, begun, closed, None, why)
 
     def _frames_to_wait(self) -> int:
@@ -715,7 +714,7 @@ class ReactivePlanner:
             "map": _told_apart(self.cell_map),
             "settings": repr((self.settings, self.always_replan)).encode(),
             "base": self.world.T_world_base.tobytes(),
-            "place": self.scene.told(),
+            "place": self.scene.identity(),
             "hand": b"" if hand is None else hand.tobytes(),
             "clearance": repr(self.extra).encode(),
         }
@@ -978,8 +977,8 @@ class ReactivePlanner:
                 that cannot be, or bad classes.
         """
         self.memory.owner.check()
-        told = (path, extra, points, phase, classes, escape)
-        return self._path_test.blocked_leg(*told)
+        asked = path, extra, points, phase, classes, escape
+        return self._path_test.blocked_leg(*asked)
 
     def evasion(
         self,

@@ -15,7 +15,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.kinematics.tool_chain import ToolDescent
-from roadmap.ranges import is_between
+from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
 
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
@@ -59,11 +59,11 @@ class GoalReport:
 
     def __repr__(self) -> str:
         """Say how many are set and the first reason of what is not."""
-        told = f"GoalReport({len(self.goals)} goals set"
+        text = f"GoalReport({len(self.goals)} goals set"
         if self.refused:
             first = self.refused[0]
-            told += f", {len(self.refused)} refused; {first.index}: {first.reason}"
-        return told + ")"
+            text += f", {len(self.refused)} refused; {first.index}: {first.reason}"
+        return text + ")"
 
 
 class PoseGoals:
@@ -73,10 +73,6 @@ class PoseGoals:
     node keeps clear of the robot itself and of the recipe's scenery, and a solution a
     few steps away mostly does, too. Where the frame's obstacles are known, solutions
     that stand clear of them come first; then those with the least way from the robot.
-
-    Args:
-        frame: Robot, roadmap, scenery, and where the robot is.
-        settings: How many are looked for.
     """
 
     def __init__(self, frame: Frame, settings: PoseSettings = PoseSettings()) -> None:
@@ -93,7 +89,9 @@ class PoseGoals:
         self, poses: Sequence[np.ndarray], tolerance: object, most: int | None
     ) -> GoalReport:
         """Return valid configurations for poses; see `ReactivePlanner.set_goals`."""
-        tolerance, most = _checked_tolerance(tolerance), _checked_most(most)
+        tolerance = _checked_tolerance(tolerance)
+        if most is not None:
+            most = int(check_number("most", most, 1, MAX_GOALS, whole=True))
         rows = _checked_poses(poses)
         world, refused = self._frame.world, []
         found: list[tuple[tuple, int, np.ndarray]] = []
@@ -233,16 +231,6 @@ def _checked_tolerance(tolerance: object) -> tuple[float, float]:
         f"tolerance is {tolerance!r}; give (position in m, angle in rad), from 0.00001 "
         f"to {_LARGEST[0]:g} and {_LARGEST[1]:.3g}, or a position alone"
     )
-
-
-def _checked_most(most: int | None) -> int | None:
-    if most is None:
-        return None
-    if isinstance(most, bool) or not isinstance(most, int | np.integer):
-        raise BadInput(f"most is {most!r}; give a whole number from 1 to {MAX_GOALS}")
-    if not 1 <= most <= MAX_GOALS:
-        raise BadInput(f"most is {most}; give a whole number from 1 to {MAX_GOALS}")
-    return int(most)
 
 
 def _checked_poses(poses: Sequence[np.ndarray]) -> list[np.ndarray]:

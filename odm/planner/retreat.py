@@ -17,16 +17,11 @@ from odm.planner._retreat import Coming, next_better
 from odm.planner.attaching import Attacher
 from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
+from roadmap.motion.blended_path import check_scale
 
 
 class Retreat:
-    """Finds motions away from the frame's points, or from what comes.
-
-    Args:
-        frame: Its points and what stands still count.
-        attacher: Knows the nodes that are near.
-        settings: What is worth a motion.
-    """
+    """Finds motions away from the frame's points, or from what comes."""
 
     def __init__(
         self,
@@ -34,7 +29,6 @@ class Retreat:
         attacher: Attacher,
         settings: RetreatSettings = RetreatSettings(),
     ) -> None:
-        """Have no room for what comes yet."""
         self.frame, self.attacher, self.settings = frame, attacher, settings
         self._coming = SortedClouds(frame.cell_map.grid)
         self._shapes: list[SolidRoom] = []
@@ -92,10 +86,7 @@ class Retreat:
             BadInput: Wrong shape, dtype or length, a q or a time that is not finite, or
                 a share outside (0, 1].
         """
-        if not 0.0 < speed_scale <= 1.0:
-            raise BadInput(
-                f"speed_scale is {speed_scale}; give a share in (0, 1] of the limits"
-            )
+        check_scale(speed_scale)
         frame, s = self.frame, self.settings
         q = check_numbers(frame.robot, q)
         if not np.isfinite([t for t, _ in coming]).all():
@@ -188,8 +179,8 @@ class _Expected(NamedTuple):
         coming = Coming(self.solids, self.ptr, self.times)
         while True:
             bounds = np.array([first, best, self.ample])
-            told = (memory.arm, coming, q, dq, needed, bounds, memory.work)
-            k, gap = next_better(*told)
+            arguments = (memory.arm, coming, q, dq, needed, bounds, memory.work)
+            k, gap = next_better(*arguments)
             if k == len(dq) or not self.clouds:
                 return k, gap
             gap = self._from_points(q, dq[k], needed[k], gap, best)

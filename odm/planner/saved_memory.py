@@ -31,12 +31,10 @@ _VERDICTS = (
 class StateArrays:
     """The arrays of the compiled loops that are declared to be remembered.
 
-    Args:
-        memory: The arrays; of pool, goals and trees only what is in use is saved.
+    Of pool, goals and trees only what is in use is saved.
     """
 
     def __init__(self, memory: Memory) -> None:
-        """Keep the arrays."""
         self.memory = memory
 
     def save(self) -> dict[str, np.ndarray]:
@@ -96,8 +94,8 @@ def pack(
         for part, owner in parts.items()
         for name, array in owner.save().items()
     }
-    for name, told in setting.items():
-        saved[_SETTING + name] = np.array(hashlib.sha256(told).hexdigest())
+    for name, content in setting.items():
+        saved[_SETTING + name] = np.array(hashlib.sha256(content).hexdigest())
     return saved | {_DIGEST: np.array(_digest(saved))}
 
 
@@ -119,8 +117,8 @@ def unpack(
             "this is no memory of a planner, or it is damaged; give what save_memory "
             "returned"
         )
-    for name, told in setting.items():
-        if str(arrays[_SETTING + name]) != hashlib.sha256(told).hexdigest():
+    for name, content in setting.items():
+        if str(arrays[_SETTING + name]) != hashlib.sha256(content).hexdigest():
             raise BadInput(
                 f"the memory was saved with another {name}; load it into a planner "
                 f"that has the same {name}"

@@ -63,7 +63,6 @@ class Scene:
         carrier: Carrier,
         changed: Callable[[str | None, bool], None],
     ) -> None:
-        """Nothing stands there."""
         self._frame, self._carrier, self._changed = frame, carrier, changed
         self._objects: dict[str, SceneObject] = {}
         self._things: dict[str, Thing] = {}
@@ -99,9 +98,7 @@ class Scene:
         T = np.eye(4) if T is None else np.array(check_pose(T))
         standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.add"):
-            self._things[name] = made
-            self._objects[name] = SceneObject(name, made.parts, frozen(T, np.float64))
-            self._stand({**self._carrier.things, name: standing}, name)
+            self._put(made, T, standing)
 
     def move(self, name: str, T: np.ndarray) -> None:
         """Let an object stand elsewhere.
@@ -114,12 +111,11 @@ class Scene:
             BadInput: There is no such object, or the pose is not rigid.
         """
         self._frame.memory.owner.check()
-        known = self[name]
+        made = self._things[self[name].name]
         T = np.array(check_pose(T))
-        standing = _in_reach(self._things[name].at(self._in_base(T)))
+        standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.move"):
-            self._objects[name] = SceneObject(name, known.parts, frozen(T, np.float64))
-            self._stand({**self._carrier.things, name: standing}, name)
+            self._put(made, T, standing)
 
     def remove(self, name: str) -> None:
         """Take an object away.
@@ -170,12 +166,7 @@ class Scene:
             thing.at(self._in_base(pose))  # refuses what is too large
         with self._frame.memory.owner.changing("scene.load"):
             for thing, pose in zip(made, places, strict=True):
-                self._things[thing.name] = thing
-                self._objects[thing.name] = SceneObject(
-                    thing.name, thing.parts, frozen(pose, np.float64)
-                )
-                standing = {thing.name: thing.at(self._in_base(pose))}
-                self._stand(self._carrier.things | standing, thing.name)
+                self._put(thing, pose, thing.at(self._in_base(pose)))
         return [thing.name for thing in made]
 
     def save(self, path: str | Path) -> Path:
@@ -260,19 +251,26 @@ class Scene:
             for part in one.parts
         ]
 
-    def told(self) -> bytes:
+    def identity(self) -> bytes:
         """Return what tells this scene from others, as bytes."""
         static = self._p_world_static
         words = [b"" if static is None else static.tobytes()]
         for name, one in sorted(self._objects.items()):
             words += [name.encode(), one.T_world_object.tobytes()]
-            words += [_told(part) for part in one.parts]
+            words += [_part_identity(part) for part in one.parts]
         return b"".join(words)
 
     # --- inside --------------------------------------------------------------------
 
     def _in_base(self, T_world: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(self._frame.base_world @ T_world)
+
+    def _put(self, made: Thing, T_world: np.ndarray, standing: Standing) -> None:
+        """Let a thing stand there, where it was or for the first time."""
+        name, pose = made.name, frozen(T_world, np.float64)
+        self._things[name] = made
+        self._objects[name] = SceneObject(name, made.parts, pose)
+        self._stand({**self._carrier.things, name: standing}, name)
 
     def _stand(self, things: dict[str, Standing], new: str | None) -> None:
         self.outside = self._carrier.set_place(things)
@@ -282,9 +280,9 @@ class Scene:
         text = isinstance(name, str) and name.isprintable() and name == name.strip()
         if not text or not 0 < len(name) <= LONGEST_NAME:
             short = isinstance(name, str | int | float | None)
-            told = repr(name) if short else f"a {type(name).__name__}"
+            it = repr(name) if short else f"a {type(name).__name__}"
             raise BadInput(
-                f"an object of the scene cannot be called {told}; give its name first, "
+                f"an object of the scene cannot be called {it}; give its name first, "
                 f"a line of 1 to {LONGEST_NAME} characters, no blank at its ends"
             )
         if name in self._objects or name == STATIC:
@@ -320,7 +318,7 @@ def _parts(name: str, thing: object) -> tuple[Shape | Surface, ...]:
     return parts
 
 
-def _told(part: Shape | Surface) -> bytes:
+def _part_identity(part: Shape | Surface) -> bytes:
     values = [type(part).__name__.encode()]
     for key in sorted(vars(part)):
         value = getattr(part, key)

@@ -1,44 +1,17 @@
 """What a user of the reactive planner may turn."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from odm.obstacles.unit import MAX_RANGE_M
 from odm.search.state import MAX_ATTACHMENTS
 from roadmap.errors import BadInput
-from roadmap.ranges import check_row, check_settings
+from roadmap.ranges import CheckedSettings, setting
 
 MOST_EXTRA = 0.5  # [m] largest extra clearance
-_RANGES = {
-    "goal_connections": (1, MAX_ATTACHMENTS, ""),
-    "start_connections": (1, MAX_ATTACHMENTS, ""),
-    "close_test_connections": (0, 1000, ""),
-    "hysteresis": (0.0, 1.0, ""),
-    "confirmations": (1, 1000, ""),
-    "history_s": (0.0, 60.0, "s"),
-    "history_clearance": (0.0, 0.5, "m"),
-    "smoothing_clearance": (0.0, 0.5, "m"),
-    "persistence_frames": (0, 1_000_000, ""),
-    "extra_clearance": (0.0, MOST_EXTRA, "m"),
-    "max_age_s": (0.0, 60.0, "s"),
-    "point_capacity": (1, 100_000_000, ""),
-    "cached_goals": (0, 10_000, ""),
-    "search": (0, 10_000_000, ""),
-    "max_range_m": (0.1, 1e6, "m"),
-}
-_COUNTS = (
-    "goal_connections",
-    "start_connections",
-    "close_test_connections",
-    "confirmations",
-    "persistence_frames",
-    "point_capacity",
-    "cached_goals",
-    "search",
-)
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
+class PlannerSettings(CheckedSettings):
     """Settings of the reactive planner.
 
     Attributes:
@@ -80,25 +53,25 @@ class PlannerSettings:
             robot's base along an axis, their unit is wrong: the frame holds [m].
     """
 
-    goal_connections: int = 18
-    start_connections: int = 8
-    close_test_connections: int = 3
-    hysteresis: float = 0.15
-    confirmations: int = 3
-    history_s: float = 0.25
-    history_clearance: float = 0.03
-    smoothing_clearance: float = 0.03
-    persistence_frames: int = 12
-    extra_clearance: float = 0.0
+    goal_connections: int = setting(18, 1, MAX_ATTACHMENTS)
+    start_connections: int = setting(8, 1, MAX_ATTACHMENTS)
+    close_test_connections: int = setting(3, 0, 1000)
+    hysteresis: float = setting(0.15, 0.0, 1.0)
+    confirmations: int = setting(3, 1, 1000)
+    history_s: float = setting(0.25, 0.0, 60.0, "s")
+    history_clearance: float = setting(0.03, 0.0, 0.5, "m")
+    smoothing_clearance: float = setting(0.03, 0.0, 0.5, "m")
+    persistence_frames: int = setting(12, 0, 1_000_000)
+    extra_clearance: float = setting(0.0, 0.0, MOST_EXTRA, "m")
     finger_pads: tuple[str, ...] = ()
-    max_age_s: float = 0.1
-    point_capacity: int = 32768
-    cached_goals: int = 0
-    search: int = 1000
-    max_range_m: float = MAX_RANGE_M
+    max_age_s: float = setting(0.1, 0.0, 60.0, "s")
+    point_capacity: int = setting(32768, 1, 100_000_000)
+    cached_goals: int = setting(0, 0, 10_000)
+    search: int = setting(1000, 0, 10_000_000)
+    max_range_m: float = setting(MAX_RANGE_M, 0.1, 1e6, "m")
 
     def __post_init__(self) -> None:
-        check_settings(self, _RANGES, _COUNTS)
+        super().__post_init__()
         named = isinstance(self.finger_pads, tuple | list)
         if not named or not all(isinstance(link, str) for link in self.finger_pads):
             raise BadInput(
@@ -108,7 +81,7 @@ class PlannerSettings:
 
 
 @dataclass(frozen=True)
-class AttachSettings:
+class AttachSettings(CheckedSettings):
     """How and when goals and starts are joined to the roadmap (`attaching.Attacher`).
 
     Attributes:
@@ -121,36 +94,32 @@ class AttachSettings:
             the length of the whole path through them.
         moving_nodes: Near nodes that a moving robot may be joined to,
         moving_connections: ... and how many of them it is joined to at most.
-        looks: Waiting nodes that a frame without a path tests, of start and goals.
+        waiting_tests: Waiting nodes of start and goals that a frame without a path
+            tests.
         path_first: Tests of `improve` spent on a new start's path before its motions.
-        stays: Frames at one place without a path, after which a start is joined anew,
-        lingers: ... or, between frames, with a path that could be followed.
-        passes: A robot that moved farther than this in a frame has jumped [rad or m].
+        rejoin_in: Frames at one place without a path, after which a start is joined
+            anew,
+        rejoin_idle_in: ... or, between frames, with a path that could be followed.
+        jump: A robot that moved farther than this in a frame has jumped [rad or m].
     """
 
-    looked_at: int = 4
-    goal_at_once: int = 6
-    pose_at_once: int = 4
-    start_at_once: int = 4
-    start_rounds: int = 2
-    nearer: float = 1.5
-    moving_nodes: int = 6
-    moving_connections: int = 3
-    looks: int = 8
-    path_first: int = 8
-    stays: int = 3
-    lingers: int = 12
-    passes: float = 0.2
-
-    def __post_init__(self) -> None:
-        names = [f.name for f in fields(self) if f.name not in ("nearer", "passes")]
-        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"nearer": (1.0, 100.0, "")}
-        ranges["passes"] = (0.0, 10.0, "rad or m")
-        check_settings(self, ranges, tuple(names))
+    looked_at: int = setting(4, 1, 10_000)
+    goal_at_once: int = setting(6, 1, 10_000)
+    pose_at_once: int = setting(4, 1, 10_000)
+    start_at_once: int = setting(4, 1, 10_000)
+    start_rounds: int = setting(2, 1, 10_000)
+    nearer: float = setting(1.5, 1.0, 100.0)
+    moving_nodes: int = setting(6, 1, 10_000)
+    moving_connections: int = setting(3, 1, 10_000)
+    waiting_tests: int = setting(8, 1, 10_000)
+    path_first: int = setting(8, 1, 10_000)
+    rejoin_in: int = setting(3, 1, 10_000)
+    rejoin_idle_in: int = setting(12, 1, 10_000)
+    jump: float = setting(0.2, 0.0, 10.0, "rad or m")
 
 
 @dataclass(frozen=True)
-class ConnectSettings:
+class ConnectSettings(CheckedSettings):
     """How the search beyond the roadmap shares out its work (`connect.Connector`).
 
     Attributes:
@@ -159,27 +128,23 @@ class ConnectSettings:
         again: ... then, and where the robot moves, this part,
         rest: ... and once all is spent in one place, only every `rest`-th frame
             searches.
-        joins_in: Every so many frames a standing robot is joined to a found path's
+        join_every: Every so many frames a standing robot is joined to a found path's
             corners,
         joins: ... to so many of them.
         per_test: Configurations for each motion that `improve` may test.
     """
 
-    shorten: int = 250
-    part: int = 8
-    again: int = 16
-    rest: int = 8
-    joins_in: int = 4
-    joins: int = 3
-    per_test: int = 250
-
-    def __post_init__(self) -> None:
-        names = tuple(field.name for field in fields(self))
-        check_settings(self, dict.fromkeys(names, (1, 10_000, "")), names)
+    shorten: int = setting(250, 1, 10_000)
+    part: int = setting(8, 1, 10_000)
+    again: int = setting(16, 1, 10_000)
+    rest: int = setting(8, 1, 10_000)
+    join_every: int = setting(4, 1, 10_000)
+    joins: int = setting(3, 1, 10_000)
+    per_test: int = setting(250, 1, 10_000)
 
 
 @dataclass(frozen=True)
-class ImproveSettings:
+class ImproveSettings(CheckedSettings):
     """How `improve` shares out its budget (`improve.Improver`, `shortcuts.Cutter`).
 
     Attributes:
@@ -192,20 +157,15 @@ class ImproveSettings:
             at; later ones look at one each.
     """
 
-    look_every: int = 8
-    join_takes: int = 3
-    cut_saves: float = 0.02
-    items_per_test: int = 4
-    nodes_at_first: int = 4
-
-    def __post_init__(self) -> None:
-        names = tuple(f.name for f in fields(self) if f.name != "cut_saves")
-        ranges = dict.fromkeys(names, (1, 10_000, "")) | {"cut_saves": (0.0, 1.0, "")}
-        check_settings(self, ranges, names)
+    look_every: int = setting(8, 1, 10_000)
+    join_takes: int = setting(3, 1, 10_000)
+    cut_saves: float = setting(0.02, 0.0, 1.0)
+    items_per_test: int = setting(4, 1, 10_000)
+    nodes_at_first: int = setting(4, 1, 10_000)
 
 
 @dataclass(frozen=True)
-class SmoothingSettings:
+class SmoothingSettings(CheckedSettings):
     """Which changes of a path are weighed, and made (`smooth.Smoother`).
 
     Attributes:
@@ -219,26 +179,18 @@ class SmoothingSettings:
         corners: Corners of the roadmap at which it is measured what rounding gains.
     """
 
-    worth: float = 0.01
-    much: float = 0.3
-    pace: float = 0.5
-    lead_s: float = 0.05
-    draws: int = 40
-    detour: float = 1.1
-    wait: int = 8
-    corners: int = 128
-
-    def __post_init__(self) -> None:
-        ranges = dict.fromkeys(("worth", "much"), (0.0, 1.0, ""))
-        ranges |= {"pace": (0.01, 1.0, ""), "lead_s": (0.0, 10.0, "s")}
-        ranges |= {"detour": (1.0, 100.0, "")}
-        counts = ("draws", "wait", "corners")
-        ranges |= dict.fromkeys(counts, (1, 10_000, ""))
-        check_settings(self, ranges, counts)
+    worth: float = setting(0.01, 0.0, 1.0)
+    much: float = setting(0.3, 0.0, 1.0)
+    pace: float = setting(0.5, 0.01, 1.0)
+    lead_s: float = setting(0.05, 0.0, 10.0, "s")
+    draws: int = setting(40, 1, 10_000)
+    detour: float = setting(1.1, 1.0, 100.0)
+    wait: int = setting(8, 1, 10_000)
+    corners: int = setting(128, 1, 10_000)
 
 
 @dataclass(frozen=True)
-class RetreatSettings:
+class RetreatSettings(CheckedSettings):
     """When backing off and evasion are worth their motion (`retreat.Retreat`).
 
     Attributes:
@@ -252,25 +204,18 @@ class RetreatSettings:
         sets_off_s: Time that the robot takes to begin to move [s].
     """
 
-    near: float = 0.15
-    gain: float = 0.01
-    tried: int = 12
-    shares: tuple[float, ...] = (1.0, 0.5, 0.25)
-    ample: float = 0.12
-    worth: float = 0.03
-    directions: int = 24
-    sets_off_s: float = 0.06
-
-    def __post_init__(self) -> None:
-        ranges = dict.fromkeys(("near", "gain", "ample", "worth"), (0.0, 10.0, "m"))
-        ranges |= dict.fromkeys(("tried", "directions"), (1, 10_000, ""))
-        ranges["sets_off_s"] = (0.0, 10.0, "s")
-        check_settings(self, ranges, ("tried", "directions"))
-        check_row(self, "shares", 1e-3, 1.0)
+    near: float = setting(0.15, 0.0, 10.0, "m")
+    gain: float = setting(0.01, 0.0, 10.0, "m")
+    tried: int = setting(12, 1, 10_000)
+    shares: tuple[float, ...] = setting((1.0, 0.5, 0.25), 0.001, 1.0)
+    ample: float = setting(0.12, 0.0, 10.0, "m")
+    worth: float = setting(0.03, 0.0, 10.0, "m")
+    directions: int = setting(24, 1, 10_000)
+    sets_off_s: float = setting(0.06, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)
-class PoseSettings:
+class PoseSettings(CheckedSettings):
     """How configurations of a tool pose are looked for (`pose_goals.PoseGoals`).
 
     Attributes:
@@ -281,13 +226,8 @@ class PoseSettings:
         same: Solutions nearer than this in all joints are one [rad or m].
     """
 
-    seeds: int = 24
-    steps: int = 16
-    long: int = 4
-    enough: int = 12
-    same: float = 0.15
-
-    def __post_init__(self) -> None:
-        counts = ("seeds", "steps", "long", "enough")
-        ranges = dict.fromkeys(counts, (1, 10_000, "")) | {"same": (0.0, 10.0, "")}
-        check_settings(self, ranges, counts)
+    seeds: int = setting(24, 1, 10_000)
+    steps: int = setting(16, 1, 10_000)
+    long: int = setting(4, 1, 10_000)
+    enough: int = setting(12, 1, 10_000)
+    same: float = setting(0.15, 0.0, 10.0)

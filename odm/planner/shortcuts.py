@@ -13,13 +13,6 @@ class Cutter:
 
     The path itself is left alone, since the robot is on it; what is found is a
     candidate with its cells, by which the next search shortens its path.
-
-    Args:
-        frame: The present frame.
-        path: The path in use.
-        candidates: Where cuts are remembered.
-        attacher: Makes the cells of a cut.
-        settings: What a cut must save.
     """
 
     def __init__(
@@ -30,7 +23,6 @@ class Cutter:
         attacher: Attacher,
         settings: ImproveSettings = ImproveSettings(),
     ) -> None:
-        """Keep what it works on."""
         self.settings = settings
         self.frame, self.path = frame, path
         self.candidates, self.attacher = candidates, attacher

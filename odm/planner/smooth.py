@@ -76,15 +76,7 @@ class Change(NamedTuple):
 
 
 class Smoother:
-    """Tests changes of the candidate path, in a fixed order.
-
-    Args:
-        frame: The present frame.
-        path: The candidate, which is changed.
-        attacher: Makes the cells of new legs.
-        wanted: Extra clearance that new legs keep where possible, and what those that
-            save much keep from where obstacles have lately been.
-    """
+    """Tests changes of the candidate path, in a fixed order."""
 
     def __init__(
         self,
@@ -93,7 +85,6 @@ class Smoother:
         attacher: Attacher,
         wanted: PlannerSettings,
     ) -> None:
-        """Begin the order of the changes."""
         self.settings = settings = SmoothingSettings()
         self.frame, self.path, self.attacher = frame, path, attacher
         self.smoothing_clearance = wanted.smoothing_clearance

@@ -98,11 +98,8 @@ def free_bound(state, starts, g):
 @njit(**INNER)
 def remember_path(state, entry, g):
     """Keep the path that ends in heap entry `entry` at goal g."""
-    earlier, search, goals = (
-        view(state, "earlier_paths"),
-        view(state, "search"),
-        view(state, "goals"),
-    )
+    earlier, search = view(state, "earlier_paths"), view(state, "search")
+    goals = view(state, "goals")
     rows = earlier.vertex.shape[0]
     r = earlier.count[rows]
     via = -2 - search.e_ref[entry]
@@ -170,11 +167,8 @@ def keep_proof(state, starts, start_vertex, g, entry):
     -1: there is no path. Nothing is kept of a start that is on its way, or where more
     was blocked than there is room for.
     """
-    proof, search, goals = (
-        view(state, "proof"),
-        view(state, "search"),
-        view(state, "goals"),
-    )
+    proof, search = view(state, "proof"), view(state, "search")
+    goals = view(state, "goals")
     numbers = view(state, "numbers")
     frame, items, count = numbers.frame[0], search.hits[0], 0
     proof.of[0] = -1
@@ -286,11 +280,8 @@ def nothing_shorter(state, g, h, asks):
     or by a longer path. False, too, where that cannot be told by a few nodes. `asks`:
     the close test is asked of a motion into the goal whose cells are occupied.
     """
-    search, graph, goals = (
-        view(state, "search"),
-        view(state, "graph"),
-        view(state, "goals"),
-    )
+    search, graph = view(state, "search"), view(state, "graph")
+    goals = view(state, "goals")
     proof, frame = view(state, "proof"), view(state, "numbers").frame[0]
     n, head = graph.adj_ptr.shape[0] - 1, 0
     while head < search.made[0]:
@@ -336,11 +327,8 @@ def is_by_close_test(state, starts, g):
 @njit(**INNER)
 def nothing_opened(state, starts, g, h):
     """Return whether what has come free since leads to no shorter path to goal g."""
-    proof, search, goals = (
-        view(state, "proof"),
-        view(state, "search"),
-        view(state, "goals"),
-    )
+    proof, search = view(state, "proof"), view(state, "search")
+    goals = view(state, "goals")
     # what was closed then tells where to go on from what has come free
     seeks = proof.count[RUN] == view(state, "numbers").run[0]
     seeks = seeks and proof.count[SIDE] != GOAL_SIDE
@@ -428,11 +416,8 @@ def what_holds(state, starts, start_vertex, g, h):
 @njit(**INNER)
 def write_shortest(state, starts, start_vertex, g):
     """Write the path of the last search to `found_path`, as `write_path` did."""
-    proof, goals, graph = (
-        view(state, "proof"),
-        view(state, "goals"),
-        view(state, "graph"),
-    )
+    proof, goals = view(state, "proof"), view(state, "goals")
+    graph = view(state, "graph")
     path, robot = view(state, "found_path"), view(state, "robot_state")
     nodes, a = proof.count[N_NODES], proof.by[1]
     path.vertex[0], path.ref[0] = start_vertex, starts.ref[proof.by[0]]

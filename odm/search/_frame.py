@@ -285,11 +285,8 @@ def offer(state, starts, g, any_start, can_enter, most):
 @njit(**INNER)
 def go_straight(state, start_vertex, g):
     """Let `found_path` be the straight motion to goal g."""
-    path, goals, robot = (
-        view(state, "found_path"),
-        view(state, "goals"),
-        view(state, "robot_state"),
-    )
+    path, goals = view(state, "found_path"), view(state, "goals")
+    robot = view(state, "robot_state")
     path.count[0] = 2
     path.count[1] = g
     path.vertex[0] = start_vertex

@@ -76,11 +76,8 @@ def note_hit(search, item):
 @njit(**INNER)
 def item_free(state, item):
     """Return True if no occupied cell is in the list of a roadmap item; remembered."""
-    graph, search, stats = (
-        view(state, "graph"),
-        view(state, "search"),
-        view(state, "stats"),
-    )
+    graph, search = view(state, "graph"), view(state, "search")
+    stats = view(state, "stats")
     frame = view(state, "numbers").frame[0]
     known = search.memo[item]
     if known >> 1 == frame:

@@ -91,11 +91,8 @@ def deviation_at(state, path, k, share, q, nearby):
 
     Infinite where joint displacements times motion bounds sum up to more than `nearby`.
     """
-    robot, arm, work = (
-        view(state, "robot_state"),
-        view(state, "arm"),
-        view(state, "work"),
-    )
+    robot, arm = view(state, "robot_state"), view(state, "arm")
+    work = view(state, "work")
     total = 0.0
     for j in range(q.shape[0]):
         robot.scratch_q[j] = path.q[k + 1, j] - path.q[k, j]

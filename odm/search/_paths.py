@@ -110,11 +110,8 @@ def unwrap(path, continuous):
 @njit(**INNER)
 def write_path(state, starts, entry, start_vertex):
     """Write the path from q that ends in heap entry `entry` to `found_path`."""
-    graph, goals, path = (
-        view(state, "graph"),
-        view(state, "goals"),
-        view(state, "found_path"),
-    )
+    graph, goals = view(state, "graph"), view(state, "goals")
+    path = view(state, "found_path")
     search, robot = view(state, "search"), view(state, "robot_state")
     n = graph.adj_ptr.shape[0] - 1
     count = 2
@@ -202,11 +199,8 @@ def add_shortcut(shortcuts, a, b, item):
 @njit(**INNER)
 def take_shortcuts(state):
     """Shorten `found_path` by the remembered motions that are free now."""
-    shortcuts, robot, path = (
-        view(state, "shortcuts"),
-        view(state, "robot_state"),
-        view(state, "found_path"),
-    )
+    shortcuts, robot = view(state, "shortcuts"), view(state, "robot_state")
+    path = view(state, "found_path")
     weights, n = robot.weights, path.count[0]
     avoid_history = view(state, "numbers").avoid_history[0] == 1
     if n < 3 or shortcuts.count[0] == 0:

@@ -163,11 +163,8 @@ def judge(state, q):
     not on that segment but beside it, and the group Beside is to be filled first: for
     the candidate if one waits, else for the path in use.
     """
-    robot, numbers, path = (
-        view(state, "robot_state"),
-        view(state, "numbers"),
-        view(state, "path"),
-    )
+    robot, numbers = view(state, "robot_state"), view(state, "numbers")
+    path = view(state, "path")
     trouble = take_configuration(state, q)
     if trouble != FOLLOWING:
         return trouble
@@ -219,11 +216,8 @@ def take_candidate(state, q):
     It has one chance. Only where q is beside its segment numbers.where it still waits:
     the group Beside is to be filled for that first.
     """
-    numbers, robot, better = (
-        view(state, "numbers"),
-        view(state, "robot_state"),
-        view(state, "better"),
-    )
+    numbers, robot = view(state, "numbers"), view(state, "robot_state")
+    better = view(state, "better")
     certificates, kind = view(state, "candidate_certificates"), numbers.candidate[0]
     numbers.candidate[0] = 0
     where = -1
@@ -361,16 +355,10 @@ def better_found(state, q):
     beside a hand is
     near where that has lately been, always: a path to it may be free only now.
     """
-    numbers, robot, goals = (
-        view(state, "numbers"),
-        view(state, "robot_state"),
-        view(state, "goals"),
-    )
-    path, found_path, rules = (
-        view(state, "path"),
-        view(state, "found_path"),
-        view(state, "rules"),
-    )
+    numbers, robot = view(state, "numbers"), view(state, "robot_state")
+    goals = view(state, "goals")
+    path, found_path = view(state, "path"), view(state, "found_path")
+    rules = view(state, "rules")
     rank, where = path.count[1], numbers.segment[0]
     if rank < 0 or path.count[0] < 2:
         return False
@@ -417,18 +405,12 @@ def offer_better(state):
     It begins with all of the segment that the robot is on, so the next frame may ask
     from any place on it.
     """
-    numbers, robot, goals = (
-        view(state, "numbers"),
-        view(state, "robot_state"),
-        view(state, "goals"),
-    )
+    numbers, robot = view(state, "numbers"), view(state, "robot_state")
+    goals = view(state, "goals")
     if numbers.rest[0] == 0 or numbers.off_path[0] == 1:
         return False
-    path, found_path, better = (
-        view(state, "path"),
-        view(state, "found_path"),
-        view(state, "better"),
-    )
+    path, found_path = view(state, "path"), view(state, "found_path")
+    better = view(state, "better")
     certificates, where = view(state, "candidate_certificates"), numbers.segment[0]
     if path.count[0] < 2:
         return False
@@ -477,11 +459,8 @@ def take_better(state, q):
 @njit(**LEAN)
 def begin_candidate(state):
     """Let the candidate be the path in use, to be changed; one that waits stays."""
-    numbers, path, better = (
-        view(state, "numbers"),
-        view(state, "path"),
-        view(state, "better"),
-    )
+    numbers, path = view(state, "numbers"), view(state, "path")
+    better = view(state, "better")
     if numbers.candidate[0] != 0:
         return
     copy_path(path, better)

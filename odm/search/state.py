@@ -71,11 +71,7 @@ class Memory(Groups):
     counted: np.ndarray
 
     def __init__(self, groups: dict[str, tuple]) -> None:
-        """Keep the groups and write the table; it belongs to this thread.
-
-        Raises:
-            BadInput: An array is not as it is declared.
-        """
+        """Keep the groups and write the table; it belongs to this thread."""
         object.__setattr__(self, "owner", Owner())
         object.__setattr__(self, "counted", groups["stats"].popped.base)
         exchange(self, groups)
@@ -232,7 +228,6 @@ class DirectMap:
     """Counts of occupied blocks per item, kept up to date by what changed."""
 
     def __init__(self, memory: Memory, n_nodes: int, n_edges: int) -> None:
-        """Keep the planner's memory; nothing is occupied."""
         self.memory = memory
         self.n_nodes, self.n_edges = n_nodes, n_edges
         self.nodes_out = np.zeros(n_nodes, np.int64)

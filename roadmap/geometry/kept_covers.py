@@ -43,9 +43,9 @@ def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
 
 def cache_folder() -> Path | None:
     """Return where files are kept, None for nowhere."""
-    told = os.environ.get("ODM_CACHE")
-    if told is not None:
-        return Path(told) if told else None
+    chosen = os.environ.get("ODM_CACHE")
+    if chosen is not None:
+        return Path(chosen) if chosen else None
     home = os.environ.get("XDG_CACHE_HOME")
     try:
         return Path(home) / "odm" if home else Path.home() / ".cache" / "odm"

@@ -99,12 +99,9 @@ def self_collision(robot: Robot) -> SelfCollision:
 def configuration_free(
     robot: Robot, q: np.ndarray, margin: float = MARGIN
 ) -> tuple[bool, str]:
-    """Say if `q` is within limits and free of self-collision.
+    """Say if q (dof,) is within limits and free of self-collision.
 
-    Args:
-        robot: The robot.
-        q: (dof,) configuration [rad or m].
-        margin: Distance that links must keep [m], above 0.
+    Links must keep `margin` [m], above 0.
 
     Returns:
         (True, "") or (False, sentence that names the joint or the links).

@@ -162,11 +162,11 @@ def _sample(
 
 
 def _no_edges(settings: RoadmapSettings, tried: int) -> str:
-    told = f"none of {tried} motions between {settings.nodes} nodes is free"
+    why = f"none of {tried} motions between {settings.nodes} nodes is free"
     if tried == 0:
-        told = f"no two of {settings.nodes} nodes lie within max_step of each other"
+        why = f"no two of {settings.nodes} nodes lie within max_step of each other"
     return (
-        f"{told}, so the roadmap would have no edges; give more nodes or neighbors, or "
+        f"{why}, so the roadmap would have no edges; give more nodes or neighbors, or "
         "check the scenery, the joints' limits and what the locked joints are locked at"
     )
 

@@ -1,14 +1,10 @@
 """The roadmap: configurations and straight motions between them, in CSR form."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from roadmap.arrays import freeze, frozen
-
-if TYPE_CHECKING:
-    import networkx
 
 N_LANDMARKS = 16
 
@@ -36,7 +32,6 @@ class Roadmap:
     adj_length: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and lay out the neighbours."""
         freeze(self, nodes=float, lengths=float, weights=float, landmarks=float)
         freeze(self, edges=np.int32)
         both = np.concatenate([self.edges[:, 0], self.edges[:, 1]])
@@ -68,19 +63,6 @@ class Roadmap:
         """Return what has to be stored."""
         names = ("nodes", "edges", "lengths", "weights", "landmarks")
         return {name: getattr(self, name) for name in names}
-
-    def to_networkx(self) -> "networkx.Graph":
-        """Return a networkx Graph; nodes have `q`, edges have `length` and `id`."""
-        import networkx
-
-        graph = networkx.Graph()
-        graph.add_nodes_from((i, {"q": q}) for i, q in enumerate(self.nodes))
-        rows = zip(self.edges.tolist(), self.lengths.tolist(), strict=True)
-        graph.add_edges_from(
-            (a, b, {"length": length, "id": i})
-            for i, ((a, b), length) in enumerate(rows)
-        )
-        return graph
 
     def to_sparse(self, free: np.ndarray | None = None):  # noqa: ANN201 (scipy type)
         """Return the symmetric scipy CSR matrix of lengths, of `free` (m,) edges."""

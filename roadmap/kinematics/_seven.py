@@ -160,19 +160,9 @@ def three_angles(a, b, c, R, room, found):
 def within(arm, room, k):
     """Turn row k of room.q from angles to joints; False where one leaves its range."""
     for j in range(7):
-        low, high = arm.limits[j, 0], arm.limits[j, 1]
-        factor = arm.scale[j, 0]
-        value = (room.q[k, j] - arm.scale[j, 1]) / factor
-        period = 2.0 * math.pi / abs(factor)
-        value -= period * round((value - 0.5 * (low + high)) / period)
-        if value < low:
-            if value < low - 1e-9:
-                return False
-            value = low
-        elif value > high:
-            if value > high + 1e-9:
-                return False
-            value = high
+        fits, value = joint_of(arm, j, room.q[k, j])
+        if not fits:
+            return False
         room.q[k, j] = value
     return True
 

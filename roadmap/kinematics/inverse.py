@@ -5,15 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.errors import BadInput
 from roadmap.kinematics.forward import checked, difference, tool_pose
 from roadmap.kinematics.joint_tree import JointTree
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.transforms import check_pose, flat_pose
-
-
-class BadPose(BadInput):
-    """A tool pose is not a rigid (4, 4) transform."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +58,10 @@ def solve(
         Solutions within limits; empty when the pose is out of reach.
 
     Raises:
-        BadPose: The pose is not a finite rigid transform.
+        BadInput: The pose is not a finite rigid transform.
         BadConfiguration: `q_seed` has the wrong length or is not finite.
     """
-    T_base_tool = checked_pose(T_base_tool)
+    T_base_tool = check_pose(T_base_tool, "the pose")
     limits = np.stack([robot.lower, robot.upper], axis=1)
     middle = limits.mean(axis=1)
     start = middle if q_seed is None else checked(robot, q_seed)
@@ -86,14 +81,6 @@ def solve(
         if position <= position_tolerance and rotation <= rotation_tolerance:
             _add(robot, found, q, T_base_tool)
     return sorted(found, key=lambda s: np.linalg.norm(difference(robot, start, s.q)))
-
-
-def checked_pose(T: np.ndarray) -> np.ndarray:
-    """Return a (4, 4) float array that is a rigid transform, or raise BadPose."""
-    try:
-        return check_pose(T, "the pose")
-    except BadInput as error:
-        raise BadPose(str(error)) from error
 
 
 def _add(

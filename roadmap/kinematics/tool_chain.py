@@ -28,9 +28,7 @@ def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
     """Return the chain from the base to the tool, and the rows of its joints in `q`.
 
     Continuous joints have infinite limits, so that a descent goes on past half a turn.
-
-    Raises:
-        BadInput: No joint moves the tool.
+    BadInput where no joint moves the tool.
     """
     bodies, body = [], robot.tip_body
     while body > 0:
@@ -108,7 +106,6 @@ class ToolDescent:
     def __init__(
         self, robot: JointTree, position: float, rotation: float, steps: int
     ) -> None:
-        """Lay out the memory."""
         self.chain, self.rows = _kept_chain(robot)
         self._work = descent_of(self.chain)
         self._trial = np.empty(len(self.rows))

@@ -103,7 +103,7 @@ def _standing(
     parts: Parts, travel: tuple[str, ...], why_not: Mapping[str, str]
 ) -> list[str]:
     """Return notes on the locked joints, and on those whose whole range is covered."""
-    still = {k: v for k, v in parts.tree.standing.items() if k not in travel}
+    still = {k: v for k, v in parts.tree.fixed_values.items() if k not in travel}
     texts = [
         f"{name} = {value:.4g}{'' if name in parts.locked else ' (default)'}"
         for name, value in still.items()

@@ -26,7 +26,7 @@ JERK_PER_ACCELERATION = 10.0
 class BodyTree:
     """Bodies and where each link sits; see `Robot` for the arrays.
 
-    `standing` holds the values of the joints that stand still, drivers only [rad or m].
+    `fixed_values` are those of the joints that stand still, drivers only [rad or m].
     """
 
     joint_names: tuple[str, ...]
@@ -35,7 +35,7 @@ class BodyTree:
     tree_f: np.ndarray
     link_body: dict[str, int]
     T_body_link: dict[str, np.ndarray]
-    standing: dict[str, float]
+    fixed_values: dict[str, float]
     notes: tuple[str, ...]
 
 
@@ -117,7 +117,7 @@ def _tree(description, drives, moving, limits, values) -> BodyTree:
         tree_f=tree_f,
         link_body=link_body,
         T_body_link=poses,
-        standing=values,
+        fixed_values=values,
         notes=tuple(notes),
     )
 

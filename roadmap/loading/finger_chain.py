@@ -123,7 +123,7 @@ def carried_links(
                 steps.append(Step(T, joint, names.index(name), factor, offset))
                 T = np.eye(4)
             elif name:
-                value = factor * tree.standing[name] + offset
+                value = factor * tree.fixed_values[name] + offset
                 T = T @ _motions(joint, np.array([value]))[0]
         if steps:
             lower, upper = np.array([_limits(description.joints[n]) for n in names]).T

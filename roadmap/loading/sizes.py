@@ -54,11 +54,7 @@ def check_sizes(
 
 
 def check_travel_limits(joint: Joint, lower: float, upper: float) -> None:
-    """Refuse limits that no joint has [rad or m].
-
-    Raises:
-        BadRobot: They are too far; names joint, value and limit.
-    """
+    """Refuse limits that no joint has [rad or m]."""
     slides = joint.kind == "prismatic"
     most, unit = (LARGEST_SLIDE, "m") if slides else (LARGEST_TURN, "rad")
     far = max(lower, upper, key=abs)

@@ -18,11 +18,7 @@ _MOST = 10_000_000  # rows
 
 
 def sample_times(duration: float, rate_hz: float) -> np.ndarray:
-    """Return (n,) times [s] from 0 to the end, evenly but for the last step.
-
-    Raises:
-        BadInput: The rate is no positive number, or asks for more than 10 million rows.
-    """
+    """Return (n,) times [s] from 0 to the end, evenly but for the last step."""
     if not is_between(rate_hz, 1e-6, 1e6):
         raise BadInput(
             f"the rate is {rate_hz!r} Hz, but must be a number from 1e-06 to 1e+06; "
@@ -52,13 +48,13 @@ def as_joint_trajectory(
         Plain data: "joint_names", and "points" with "positions", "velocities",
         "accelerations" and "time_from_start" {"sec", "nanosec"}.
     """
-    told = []
+    listed = []
     for t, *rows in zip(times.tolist(), *points, strict=True):
         names = ("positions", "velocities", "accelerations")
         point = {k: row.tolist() for k, row in zip(names, rows, strict=True)}
         sec, nanosec = divmod(round(t * 1e9), 10**9)
-        told.append(point | {"time_from_start": {"sec": sec, "nanosec": nanosec}})
-    return {"joint_names": list(joint_names), "points": told}
+        listed.append(point | {"time_from_start": {"sec": sec, "nanosec": nanosec}})
+    return {"joint_names": list(joint_names), "points": listed}
 
 
 def write_csv(

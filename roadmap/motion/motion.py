@@ -245,8 +245,8 @@ class Motion:
         """
         scale = self.speed_scale if speed_scale is None else speed_scale
         check_scale(scale)
-        told = (self.path, self.profile, t, commit, path, blend, scale, robot)
-        return Motion(*joined(*told), scale)
+        arguments = (self.path, self.profile, t, commit, path, blend, scale, robot)
+        return Motion(*joined(*arguments), scale)
 
 
 def time_path(

@@ -123,9 +123,6 @@ class SpeedProfile:
 class ProfileBuilder:
     """Collects phases one after the other, from a state on.
 
-    Args:
-        state: Where it begins.
-
     Attributes:
         phases: The phases so far.
         t: Time at their end [s].
@@ -133,7 +130,6 @@ class ProfileBuilder:
     """
 
     def __init__(self, state: State) -> None:
-        """Begin at time 0."""
         self.phases: list[Phase] = []
         self.t, self.state = 0.0, state
         self._otg: Any = None  # made when it is needed

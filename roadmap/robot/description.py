@@ -294,12 +294,8 @@ def _checked(model, filename: str) -> Description:
 
 
 def _check_connected(description: Description, filename: str) -> None:
-    seen, queue = set(), [description.root]
-    while queue:
-        link = queue.pop()
-        seen.add(link)
-        queue += [joint.child for joint in description.children(link)]
-    loose = sorted(set(description.links) - seen)
+    carried = {joint.child for joint in description.below(description.root)}
+    loose = sorted(set(description.links) - carried - {description.root})
     if loose:
         raise BadRobot(f"the joints of {filename} form a loop through {loose}; cut it")
 

@@ -17,9 +17,6 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
 
     `package://name/rest` is looked up in `package_dirs`, in ROS_PACKAGE_PATH, and in
     the folder of the URDF and each folder above it, with and without `name`.
-
-    Raises:
-        BadRobot: The file is in none of these places; names link, file and places.
     """
     folder = urdf.resolve().parent
     remedy = "correct the file's name, which starts at the folder of the URDF"

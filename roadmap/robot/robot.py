@@ -11,33 +11,15 @@ from roadmap.kinematics.inverse import solve
 
 HULL, BOX, CYLINDER, SPHERE = 0, 1, 2, 3  # solid_kind
 
-_ARRAYS = {
-    "lower": np.float64,
-    "upper": np.float64,
+_TYPES = {  # of arrays that are no floats
     "continuous": np.bool_,
-    "max_velocity": np.float64,
-    "max_acceleration": np.float64,
-    "max_jerk": np.float64,
-    "tree_i": np.int32,
-    "tree_f": np.float64,
-    "T_body_tip": np.float64,
-    "link_body": np.int32,
-    "spheres": np.float64,
-    "sphere_body": np.int32,
-    "sphere_link": np.int32,
-    "sphere_reach": np.float64,
-    "solid_kind": np.int32,
-    "solid_link": np.int32,
-    "solid_pose": np.float64,
-    "solid_size": np.float64,
-    "solid_ptr": np.int64,
-    "solid_points": np.float64,
-    "shell_ptr": np.int64,
-    "shell_points": np.float64,
-    "shell_link": np.int32,
-    "shell_reach": np.float64,
-    "self_pairs": np.int32,
-}
+    **dict.fromkeys(("solid_ptr", "shell_ptr"), np.int64),
+    **dict.fromkeys(
+        ("tree_i", "link_body", "sphere_body", "sphere_link", "solid_kind",
+         "solid_link", "shell_link", "self_pairs"),
+        np.int32,
+    ),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +96,7 @@ class Robot:
     moving: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        freeze(self, **_ARRAYS)
+        freeze(self, **{n: _TYPES.get(n, np.float64) for n in ARRAYS})
         moving = frozen(self.sphere_body > 0, np.bool_)
         object.__setattr__(self, "moving", moving)
 
@@ -125,11 +107,11 @@ class Robot:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
-        return {name: getattr(self, name) for name in _ARRAYS}
+        return {name: getattr(self, name) for name in ARRAYS}
 
     def meta(self) -> dict:
         """Return everything that is not an array, as plain JSON data."""
-        skip = set(_ARRAYS) | {"moving"}
+        skip = {*ARRAYS, "moving"}
         names = [f.name for f in fields(self) if f.name not in skip]
         return json.loads(json.dumps({n: getattr(self, n) for n in names}))
 
@@ -140,7 +122,7 @@ class Robot:
         for name in ("joint_names", "link_names", "notes"):
             plain[name] = tuple(plain[name])
         plain["dropped_pairs"] = tuple(tuple(p) for p in plain["dropped_pairs"])
-        plain |= {name: arrays[name] for name in _ARRAYS}
+        plain |= {name: arrays[name] for name in ARRAYS}
         return cls(**plain)
 
     def fingerprint(self) -> str:
@@ -157,3 +139,6 @@ class Robot:
     ) -> list:
         """Return configurations that reach a tool pose; see `kinematics.inverse`."""
         return solve(self, T_base_tool, q_seed, **options)
+
+
+ARRAYS = [f.name for f in fields(Robot) if f.type is np.ndarray and f.init]  # stored

@@ -15,7 +15,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, sphere_centers
-from roadmap.ranges import check_row, check_settings, is_between
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 from sim.loop.garbage import NotCollected
 from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
@@ -30,7 +30,7 @@ Audit = Callable[[np.ndarray, np.ndarray], float]
 
 
 @dataclass(frozen=True)
-class LoopSettings:
+class LoopSettings(CheckedSettings):
     """How long and how fast the loop runs.
 
     Attributes:
@@ -51,50 +51,28 @@ class LoopSettings:
         once: Stay at the last work place, which ends the trip; else go round.
     """
 
-    rate_hz: float = 100.0
-    duration_s: float = 20.0
-    seed: int = 0
-    speed_scale: float = 0.5
-    retreat_scale: float = 0.25
-    min_retreat_separation: float = 0.005
-    keep_paths: int = 0
-    improve: int = 4
+    rate_hz: float = setting(100.0, 1e-9, 1e9)
+    duration_s: float = setting(20.0, 1e-9, 1e9)
+    seed: int = setting(0, 0, 2**63)
+    speed_scale: float = setting(0.5, 1e-6, 1.0)
+    retreat_scale: float = setting(0.25, 1e-6, 1.0)
+    min_retreat_separation: float = setting(0.005, 0.0, np.inf, "m")
+    keep_paths: int = setting(0, 0, 2**63)
+    improve: int = setting(4, 0, 2**63)
     execution: str = "kinematic"
     yields: bool = True
     once: bool = False
 
     def __post_init__(self) -> None:
-        counts = ("seed", "keep_paths", "improve")
-        ranges = {name: (0, 2**63, "") for name in counts}
-        check_settings(
-            self, {**ranges, "min_retreat_separation": (0.0, np.inf, "m")}, counts
-        )
-        check_times(self)
+        super().__post_init__()
         if self.execution not in MOVERS:
             raise BadInput(
                 f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
             )
-        check_shares(self, "speed_scale", "retreat_scale")
-
-
-def check_times(settings: object) -> None:
-    """Refuse settings of a run whose rate or duration is no number above 0."""
-    for name in ("rate_hz", "duration_s"):
-        value = getattr(settings, name)
-        if not is_between(value, 0, np.inf) or value in (0, np.inf):
-            raise BadInput(f"{name} is {value}; give a number above 0")
-
-
-def check_shares(settings: object, *names: str) -> None:
-    """Refuse settings of a run in which one of these is no share in (0, 1]."""
-    for name in names:
-        value = getattr(settings, name)
-        if not is_between(value, 1e-6, 1):
-            raise BadInput(f"{name} is {value}; give a share in (0, 1]")
 
 
 @dataclass(frozen=True)
-class NewPathSettings:
+class NewPathSettings(CheckedSettings):
     """What the loop does for new paths, which `LoopSettings` says nothing of.
 
     Attributes:
@@ -104,14 +82,9 @@ class NewPathSettings:
         expected: New paths keep clear of where the person will be at these times [s].
     """
 
-    frames: int = 3
-    times: int = 8
-    expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
-
-    def __post_init__(self) -> None:
-        counts = ("frames", "times")
-        check_settings(self, dict.fromkeys(counts, (1, 1000, "")), counts)
-        check_row(self, "expected", 0.0, 10.0, "s")
+    frames: int = setting(3, 1, 1000)
+    times: int = setting(8, 1, 1000)
+    expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ import numpy as np
 
 from roadmap.kinematics.forward import difference, sphere_centers, wrapped
 from roadmap.motion.blending import joint_motion_bounds
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 
 PUSH, BUMP, SLIP = KINDS = ("push", "bump", "slip")
@@ -42,7 +42,7 @@ _JUMPED = 1e-6  # a set-point that moves by more between two frames was set anew
 
 
 @dataclass(frozen=True)
-class PushSettings:
+class PushSettings(CheckedSettings):
     """How a robot is pushed.
 
     Attributes:
@@ -56,27 +56,14 @@ class PushSettings:
         lever: A joint that moves no point by more is not pushed [m by rad or m].
     """
 
-    pause: float = 5.0
-    push: float = 0.06
-    bump: float = 0.04
-    encoder: float = 0.001
-    keep_off: float = 0.02
-    settles_s: float = 0.2
-    slipped_s: float = 4.0
-    lever: float = 0.02
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "pause": (0.1, 1e6, "s"),
-            "push": (0.0, 1.0, "m"),
-            "bump": (0.0, 1.0, "m"),
-            "encoder": (0.0, 0.1, "m"),
-            "keep_off": (0.0, 10.0, "m"),
-            "settles_s": (1e-3, 60.0, "s"),
-            "slipped_s": (1e-3, 3600.0, "s"),
-            "lever": (0.0, 10.0, "m"),
-        }
-        check_settings(self, ranges)
+    pause: float = setting(5.0, 0.1, 1e6, "s")
+    push: float = setting(0.06, 0.0, 1.0, "m")
+    bump: float = setting(0.04, 0.0, 1.0, "m")
+    encoder: float = setting(0.001, 0.0, 0.1, "m")
+    keep_off: float = setting(0.02, 0.0, 10.0, "m")
+    settles_s: float = setting(0.2, 0.001, 60.0, "s")
+    slipped_s: float = setting(4.0, 0.001, 3600.0, "s")
+    lever: float = setting(0.02, 0.0, 10.0, "m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 from roadmap.errors import PlanningError
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference, tool_pose
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 
@@ -16,7 +16,7 @@ IsFree = Callable[[np.ndarray, np.ndarray], object]
 
 
 @dataclass(frozen=True)
-class WorkPlaceSettings:
+class WorkPlaceSettings(CheckedSettings):
     """Where work places are looked for.
 
     Attributes:
@@ -26,17 +26,11 @@ class WorkPlaceSettings:
         apart: Share of the distance asked for that the two tools keep at least.
     """
 
-    forward: float = 0.58
-    side: float = 0.48
-    height: float = 0.32
-    candidates: int = 400
-    apart: float = 0.5
-
-    def __post_init__(self) -> None:
-        shares = ("forward", "side", "height", "apart")
-        ranges: dict = dict.fromkeys(shares, (0.0, 1.0, ""))
-        ranges["candidates"] = (1, 1_000_000, "")
-        check_settings(self, ranges, ("candidates",))
+    forward: float = setting(0.58, 0.0, 1.0)
+    side: float = setting(0.48, 0.0, 1.0)
+    height: float = setting(0.32, 0.0, 1.0)
+    candidates: int = setting(400, 1, 1_000_000)
+    apart: float = setting(0.5, 0.0, 1.0)
 
 
 class NoWorkPlaces(PlanningError):

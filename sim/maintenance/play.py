@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadmap.kinematics.forward import difference
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from sim.maintenance.cases import LadderCase, ToolSetup
 from sim.story import machine as table
 from sim.story.play import RATE, StoryMoment, StoryPlay, StoryResult
@@ -21,7 +21,7 @@ from sim.story.wrist import Wrist
 
 
 @dataclass(frozen=True)
-class CycleSettings:
+class CycleSettings(CheckedSettings):
     """When a cycle goes on, and when it is given up.
 
     Attributes:
@@ -33,15 +33,10 @@ class CycleSettings:
         still: An arm that changes by less between two frames rests [rad].
     """
 
-    uses_s: float = 1.5
-    limit_s: float = 45.0
-    at_rest: float = 1e-3
-    still: float = 1e-3
-
-    def __post_init__(self) -> None:
-        ranges = dict.fromkeys(("uses_s", "limit_s"), (0.0, 3600.0, "s"))
-        ranges |= dict.fromkeys(("at_rest", "still"), (1e-9, 0.1, "rad or m"))
-        check_settings(self, ranges)
+    uses_s: float = setting(1.5, 0.0, 3600.0, "s")
+    limit_s: float = setting(45.0, 0.0, 3600.0, "s")
+    at_rest: float = setting(1e-3, 1e-9, 0.1, "rad or m")
+    still: float = setting(1e-3, 1e-9, 0.1, "rad or m")
 
 
 @dataclass

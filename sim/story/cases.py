@@ -23,7 +23,7 @@ from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
@@ -456,7 +456,7 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class InReachSettings:
+class InReachSettings(CheckedSettings):
     """How hard it is looked whether a hand-over is in reach (`in_reach`).
 
     Attributes:
@@ -466,15 +466,10 @@ class InReachSettings:
         apart: In reach is what keeps so much from the person, exactly [m].
     """
 
-    tried: int = 40
-    starts: int = 8
-    steps: int = 60
-    apart: float = 0.02
-
-    def __post_init__(self) -> None:
-        counts = ("tried", "starts", "steps")
-        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
-        check_settings(self, ranges | {"apart": (0.0, 1.0, "m")}, counts)
+    tried: int = setting(40, 1, 10_000)
+    starts: int = setting(8, 1, 10_000)
+    steps: int = setting(60, 1, 10_000)
+    apart: float = setting(0.02, 0.0, 1.0, "m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 
 from roadmap.kinematics.forward import tool_pose
 from roadmap.motion.motion import SetPoint
-from roadmap.ranges import check_settings
+from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
 from sim.story.wrist import GRAVITY
 
@@ -25,7 +25,7 @@ _H = 1e-3  # [s] of the differences that tell an acceleration
 
 
 @dataclass(frozen=True)
-class PullSettings:
+class PullSettings(CheckedSettings):
     """What counts as a pull.
 
     Attributes:
@@ -38,19 +38,10 @@ class PullSettings:
         rest_s: Time constant with which the force at rest follows [s].
     """
 
-    force: float = 4.0
-    hold_s: float = 0.2
-    window_s: float = 0.1
-    rest_s: float = 1.0
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "force": (0.01, 1000.0, "N"),
-            "hold_s": (0.01, 10.0, "s"),
-            "window_s": (0.001, 10.0, "s"),
-            "rest_s": (0.01, 100.0, "s"),
-        }
-        check_settings(self, ranges)
+    force: float = setting(4.0, 0.01, 1000.0, "N")
+    hold_s: float = setting(0.2, 0.01, 10.0, "s")
+    window_s: float = setting(0.1, 0.001, 10.0, "s")
+    rest_s: float = setting(1.0, 0.01, 100.0, "s")
 
 
 class PullDetector:

@@ -12,7 +12,7 @@ from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
 from roadmap.kinematics.joint_tree import JOINT, KIND, REVOLUTE
-from roadmap.ranges import check_kind, check_number, check_row, check_settings
+from roadmap.ranges import CheckedSettings, check_kind, setting
 from roadmap.robot.robot import Robot
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
@@ -24,7 +24,7 @@ MOST_PATIENT = 4.0  # times as long, however slow a robot is
 
 
 @dataclass(frozen=True)
-class ComfortSettings:
+class ComfortSettings(CheckedSettings):
     """What makes a hand-over pleasant: costs of new paths, never conditions.
 
     Where the hand-over itself is, and whether the person sees it, is the targets'
@@ -38,16 +38,12 @@ class ComfortSettings:
             [m]; 0: they do not.
     """
 
-    face_to_hand: float = 0.06
-    unseen: float = 0.20
-
-    def __post_init__(self) -> None:
-        radius = (0.0, 0.5, "m")
-        check_settings(self, {"face_to_hand": radius, "unseen": radius})
+    face_to_hand: float = setting(0.06, 0.0, 0.5, "m")
+    unseen: float = setting(0.20, 0.0, 0.5, "m")
 
 
 @dataclass(frozen=True)
-class ComfortRodSettings:
+class ComfortRodSettings(CheckedSettings):
     """Where the rods are that new paths keep clear of (`comfort.comfort_rods`).
 
     Attributes:
@@ -57,17 +53,13 @@ class ComfortRodSettings:
         down: ... and goes down from there by this [m].
     """
 
-    short: float = 0.12
-    behind: float = 0.35
-    down: float = 0.60
-
-    def __post_init__(self) -> None:
-        names = ("short", "behind", "down")
-        check_settings(self, dict.fromkeys(names, (0.0, 2.0, "m")))
+    short: float = setting(0.12, 0.0, 2.0, "m")
+    behind: float = setting(0.35, 0.0, 2.0, "m")
+    down: float = setting(0.60, 0.0, 2.0, "m")
 
 
 @dataclass(frozen=True)
-class ConductSettings:
+class ConductSettings(CheckedSettings):
     """How a story reads its frames and shares out their time (`handover.Handover`).
 
     Attributes:
@@ -94,38 +86,26 @@ class ConductSettings:
         braked_every: Frames after which a braked robot looks for grasps anew.
     """
 
-    arrived: float = 1e-4
-    tracked: float = 0.004
-    stands: float = 1e-3
-    gone_s: float = 0.5
-    expected: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4)
-    untouched: tuple[float, ...] = (0.8, 0.5, 0.3, 0.2, 0.1)
-    hurries: float = 2.0
-    goes_on_s: float = 0.12
-    leap_s: float = 1.0
-    periods: int = 3
-    tell_s: float = 0.025
-    late_s: float = 0.08
-    moved_off: float = 0.05
-    tests: int = 2
-    tests_moving: int = 1
-    braked_every: int = 4
-
-    def __post_init__(self) -> None:
-        counts = ("periods", "tests", "tests_moving", "braked_every")
-        times = ("gone_s", "goes_on_s", "leap_s", "tell_s", "late_s")
-        ranges: dict = dict.fromkeys(counts, (1, 1000, ""))
-        ranges |= dict.fromkeys(times, (0.001, 60.0, "s"))
-        ranges |= {"arrived": (1e-9, 0.1, "rad or m"), "tracked": (0.0, 0.1, "m")}
-        ranges["moved_off"] = (0.001, 2.0, "m")
-        ranges |= {"stands": (1e-9, 1.0, "rad/s or m/s"), "hurries": (0.1, 100.0, "")}
-        check_settings(self, ranges, counts)
-        for name in ("expected", "untouched"):
-            check_row(self, name, 0.0, 10.0, "s")
+    arrived: float = setting(1e-4, 1e-9, 0.1, "rad or m")
+    tracked: float = setting(0.004, 0.0, 0.1, "m")
+    stands: float = setting(1e-3, 1e-9, 1.0, "rad/s or m/s")
+    gone_s: float = setting(0.5, 0.001, 60.0, "s")
+    expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
+    untouched: tuple[float, ...] = setting((0.8, 0.5, 0.3, 0.2, 0.1), 0.0, 10.0, "s")
+    hurries: float = setting(2.0, 0.1, 100.0)
+    goes_on_s: float = setting(0.12, 0.001, 60.0, "s")
+    leap_s: float = setting(1.0, 0.001, 60.0, "s")
+    periods: int = setting(3, 1, 1000)
+    tell_s: float = setting(0.025, 0.001, 60.0, "s")
+    late_s: float = setting(0.08, 0.001, 60.0, "s")
+    moved_off: float = setting(0.05, 0.001, 2.0, "m")
+    tests: int = setting(2, 1, 1000)
+    tests_moving: int = setting(1, 1, 1000)
+    braked_every: int = setting(4, 1, 1000)
 
 
 @dataclass(frozen=True)
-class GraspingSettings:
+class GraspingSettings(CheckedSettings):
     """How hard a grasp of what is held out is looked for (`grasping.Reaches`).
 
     Attributes:
@@ -143,27 +123,18 @@ class GraspingSettings:
         most_out: ... and how far at most, until no link is too near to it [m].
     """
 
-    seeds: int = 6
-    most_seeds: int = 48
-    shares: tuple[float, ...] = (1.0,)
-    kept: int = 4
-    steps: int = 40
-    tolerance: float = 1e-3
-    straight: float = 0.9
-    lengths: int = 3
-    more: float = 0.002
-    looked_at: int = 100
-    out_steps: int = 20
-    most_out: float = 0.25
-
-    def __post_init__(self) -> None:
-        counts = ("seeds", "most_seeds", "kept", "steps", "lengths", "looked_at")
-        counts = (*counts, "out_steps")
-        ranges: dict = dict.fromkeys(counts, (1, 10_000, ""))
-        ranges |= dict.fromkeys(("more", "most_out"), (1e-6, 2.0, "m"))
-        ranges |= {"tolerance": (1e-9, 0.1, ""), "straight": (0.01, np.pi, "rad")}
-        check_settings(self, ranges, counts)
-        check_row(self, "shares", 0.05, 1.0, "")
+    seeds: int = setting(6, 1, 10_000)
+    most_seeds: int = setting(48, 1, 10_000)
+    shares: tuple[float, ...] = setting((1.0,), 0.05, 1.0)
+    kept: int = setting(4, 1, 10_000)
+    steps: int = setting(40, 1, 10_000)
+    tolerance: float = setting(1e-3, 1e-9, 0.1)
+    straight: float = setting(0.9, 0.01, np.pi, "rad")
+    lengths: int = setting(3, 1, 10_000)
+    more: float = setting(0.002, 1e-6, 2.0, "m")
+    looked_at: int = setting(100, 1, 10_000)
+    out_steps: int = setting(20, 1, 10_000)
+    most_out: float = setting(0.25, 1e-6, 2.0, "m")
 
 
 def patience_with(robot: Robot) -> float:
@@ -185,7 +156,7 @@ HELD_AT_PLACE = GraspingSettings(seeds=24, most_seeds=24, shares=(1.0, 0.75, 0.5
 
 
 @dataclass(frozen=True)
-class GripperSettings:
+class GripperSettings(CheckedSettings):
     """The simulated gripper of two fingers (`play.Fingers`).
 
     Attributes:
@@ -195,14 +166,10 @@ class GripperSettings:
         between: An object so near to where a grasp has it is between the fingers [m].
     """
 
-    closing_s: float = 0.25
-    held: float = 0.15
-    loose: float = 0.4
-    between: float = 0.025
-
-    def __post_init__(self) -> None:
-        ranges = {"closing_s": (0.001, 60.0, "s"), "between": (0.0, 0.5, "m")}
-        check_settings(self, ranges | dict.fromkeys(("held", "loose"), (0.0, 1.0, "")))
+    closing_s: float = setting(0.25, 0.001, 60.0, "s")
+    held: float = setting(0.15, 0.0, 1.0)
+    loose: float = setting(0.4, 0.0, 1.0)
+    between: float = setting(0.025, 0.0, 0.5, "m")
 
 
 _PARTS = {
@@ -214,7 +181,7 @@ _PARTS = {
 
 
 @dataclass(frozen=True)
-class StorySettings:
+class StorySettings(CheckedSettings):
     """How a hand-over goes; all times are of the frames' clock.
 
     Attributes:
@@ -262,26 +229,26 @@ class StorySettings:
     """
 
     direction: str = "give"
-    near: float = 0.25
-    comes: float = 0.0
-    gone: float = 0.40
-    back: float = 0.10
-    room: float = 0.02
-    follow: float = 0.02
-    still_speed: float = 0.10
-    between: float = 0.02
-    between_rad: float = 0.35
-    steady_s: float = 0.15
-    leave_s: float = 1.0
-    blocked_s: float = 1.5
-    tries: int = 4
-    stuck_s: float = 0.4
-    grip_s: float = 0.6
-    wait_s: float = 15.0
-    fetch_s: float = 20.0
-    place_s: float = 6.0
-    again_s: float = 3.0
-    put_down_s: float = 45.0
+    near: float = setting(0.25, 0.001, 2.0, "m")
+    comes: float = setting(0.0, 0.0, 2.0, "m")
+    gone: float = setting(0.40, 0.001, 2.0, "m")
+    back: float = setting(0.10, 0.001, 2.0, "m")
+    room: float = setting(0.02, 0.0, 1.0, "m")
+    follow: float = setting(0.02, 0.001, 2.0, "m")
+    still_speed: float = setting(0.10, 0.001, 10.0, "m/s")
+    between: float = setting(0.02, 0.001, 2.0, "m")
+    between_rad: float = setting(0.35, 0.001, np.pi, "rad")
+    steady_s: float = setting(0.15, 0.001, 3600.0, "s")
+    leave_s: float = setting(1.0, 0.001, 3600.0, "s")
+    blocked_s: float = setting(1.5, 0.001, 3600.0, "s")
+    tries: int = setting(4, 1, 1000)
+    stuck_s: float = setting(0.4, 0.001, 3600.0, "s")
+    grip_s: float = setting(0.6, 0.001, 3600.0, "s")
+    wait_s: float = setting(15.0, 0.001, 3600.0, "s")
+    fetch_s: float = setting(20.0, 0.001, 3600.0, "s")
+    place_s: float = setting(6.0, 0.001, 3600.0, "s")
+    again_s: float = setting(3.0, 0.001, 3600.0, "s")
+    put_down_s: float = setting(45.0, 0.001, 3600.0, "s")
     slow: bool = True
     pull: PullSettings = field(default_factory=PullSettings)
     speed: SpeedSettings = field(default_factory=SpeedSettings)
@@ -302,6 +269,7 @@ class StorySettings:
         return cls(**(longer | settings))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.direction not in DIRECTIONS:
             raise BadInput(
                 f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
@@ -309,16 +277,6 @@ class StorySettings:
         check_kind("slow", self.slow, bool, "give True or False")
         for name, kind in _PARTS.items():
             check_kind(name, getattr(self, name), kind, f"give {kind.__name__}(...)")
-        lengths = ("near", "gone", "back", "follow", "between")
-        times = ("steady_s", "leave_s", "blocked_s", "stuck_s", "grip_s")
-        times += ("wait_s", "fetch_s", "place_s", "again_s", "put_down_s")
-        ranges = {name: (0.001, 2.0, "m") for name in lengths}
-        ranges |= {name: (0.001, 3600.0, "s") for name in times}
-        ranges["between_rad"] = (0.001, np.pi, "rad")
-        ranges |= {"still_speed": (0.001, 10.0, "m/s"), "comes": (0.0, 2.0, "m")}
-        ranges["room"] = (0.0, 1.0, "m")
-        check_settings(self, ranges)
-        check_number("tries", self.tries, 1, 1000, True, "StorySettings")
         if self.gone < self.near:
             raise BadInput(
                 f"gone is {self.gone} m, nearer than near, {self.near} m; give more"

@@ -15,8 +15,8 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion, time_path
-from roadmap.ranges import check_settings
-from sim.loop.loop import ARRIVED, check_shares, check_times
+from roadmap.ranges import CheckedSettings, setting
+from sim.loop.loop import ARRIVED
 from sim.loop.run_result import STATUS
 
 LEAVE = 0.3  # [s] without a path before it goes and waits
@@ -24,7 +24,7 @@ PLANNED, SCRIPTED = "planned", "scripted"
 
 
 @dataclass(frozen=True)
-class TwoSettings:
+class TwoSettings(CheckedSettings):
     """How long and how fast two robots run.
 
     Attributes:
@@ -39,20 +39,17 @@ class TwoSettings:
         braking: False takes the braking away: for the test that it is needed.
     """
 
-    rate_hz: float = 100.0
-    duration_s: float = 120.0
+    rate_hz: float = setting(100.0, 1e-9, 1e9)
+    duration_s: float = setting(120.0, 1e-9, 1e9)
     other: str = PLANNED
-    speed_scale: float = 0.5
-    script_scale: float = 0.1
-    script_rest_s: float = 5.0
-    improve: int = 4
+    speed_scale: float = setting(0.5, 1e-6, 1.0)
+    script_scale: float = setting(0.1, 1e-6, 1.0)
+    script_rest_s: float = setting(5.0, 0.0, 1e6, "s")
+    improve: int = setting(4, 0, 1_000_000)
     braking: bool = True
 
     def __post_init__(self) -> None:
-        ranges = {"script_rest_s": (0.0, 1e6, "s"), "improve": (0, 10**6, "")}
-        check_settings(self, ranges, ("improve",))
-        check_times(self)
-        check_shares(self, "speed_scale", "script_scale")
+        super().__post_init__()
         if self.other not in (PLANNED, SCRIPTED):
             raise BadInput(f"other is {self.other!r}; choose {PLANNED} or {SCRIPTED}")
 

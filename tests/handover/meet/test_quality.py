@@ -247,9 +247,9 @@ def test_a_longer_person_in_the_same_posture_has_the_same_effort():
         ({"weights": (math.nan,) * 5}, "not negative"),
         ({"joint_weights": (1.0,) * 6}, "give seven"),
         ({"joint_weights": (1.0,) * 6 + (-1.0,)}, "give seven"),
-        ({"beta_effort": 0.0}, "give positive numbers"),
-        ({"beta_spatial": math.inf}, "give positive numbers"),
-        ({"safety_distance": 0.0}, "safety distance of 0.0 m"),
+        ({"beta_effort": 0.0}, "beta_effort is 0.0"),
+        ({"beta_spatial": math.inf}, "beta_spatial is inf"),
+        ({"safety_distance": 0.0}, r"safety_distance \[m\] is 0.0"),
         ({"absent_gaze": "guess"}, "no way 'guess'"),
         (
             {"absent_gaze": "omit", "weights": (0, 0, 1, 0, 0)},

@@ -16,20 +16,20 @@ from odm.audit import _exact as kernels
 from odm.audit.exact import (
     ExactRobot,
     capsule_obstacles,
-    flat_frames,
     gather,
     obstacles_of,
 )
 from odm.audit.fcl_robot import FclRobot, geometry_of
 from odm.obstacles import shapes
 from roadmap.errors import BadInput
+from roadmap.transforms import flat_pose
 
 reduce_simplex = with_door(kernels.reduce_simplex)
 
 seeds = st.integers(0, 2**32 - 1)
 laws = settings(deadline=None, max_examples=150)
 KINDS = ("sphere", "capsule", "cylinder", "box", "hull")
-_HERE = flat_frames(np.eye(4)[None])[0]
+_HERE = flat_pose(np.eye(4))
 
 
 @pytest.fixture(scope="module")
@@ -273,7 +273,7 @@ def test_a_row_that_is_no_capsule_is_refused_as_the_capsule_is(at, value):
 
 def test_poses_become_rows():
     T = random_pose(np.random.default_rng(0))
-    row = flat_frames(T[None])[0]
+    row = flat_pose(T)
     assert np.array_equal(row[:9].reshape(3, 3), T[:3, :3])
     assert np.array_equal(row[9:], T[:3, 3])
 

@@ -9,8 +9,7 @@ from small import DATA
 
 import odm
 from odm.audit.exact import ExactRobot
-from odm.obstacles.mesh_surface import cover_densely, volume
-from odm.obstacles.obstacles import is_small_hull
+from odm.obstacles.mesh_surface import cover_densely, is_small_hull, volume
 from odm.obstacles.robot_surface import (
     RobotSurface,
     robot_surface,
@@ -207,7 +206,7 @@ def test_all_facets_of_a_hull_face_outwards(rng):
     for hull in hulls:
         expected = ConvexHull(hull.vertices).volume
         assert volume(hull.vertices, hull.faces) == pytest.approx(expected, rel=1e-9)
-        assert is_small_hull(hull) == (len(hull.faces) <= 200)
+        assert is_small_hull(hull.vertices, hull.faces) == (len(hull.faces) <= 200)
     for points in (np.zeros((5, 3)), rng.normal(size=(3, 3)), np.full((6, 3), np.nan)):
         with pytest.raises(BadInput, match="have no convex hull"):
             odm.Mesh.hull_of(points, np.eye(4))

@@ -324,8 +324,8 @@ def test_a_scene_that_is_saved_stands_as_it_stood(small_map, tmp_path, rng):
 )
 def test_a_bad_call_is_told_and_changes_nothing(planner, call, told):
     planner.scene.add("there", WALL, OVER)
-    before = planner.scene.told(), planner.memory.graph.closed.tobytes()
+    before = planner.scene.identity(), planner.memory.graph.closed.tobytes()
     with pytest.raises(BadInput, match=told):
         call(planner.scene)
-    assert before == (planner.scene.told(), planner.memory.graph.closed.tobytes())
+    assert before == (planner.scene.identity(), planner.memory.graph.closed.tobytes())
     planner.scene.move("there", np.eye(4))

@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace
 
-import networkx
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
@@ -30,19 +29,6 @@ def test_halton_is_that_of_scipy_to_the_last_bit(dof, seed):
     for _ in range(3):
         q = next(drawn)
         assert np.array_equal(q, twin.random(len(q)))
-
-
-def test_the_graph_handed_out_has_the_same_nodes_edges_and_lengths(small_map):
-    roadmap = small_map.roadmap
-    graph = roadmap.to_networkx()
-    assert isinstance(graph, networkx.Graph)
-    assert graph.number_of_nodes() == roadmap.n_nodes
-    assert graph.number_of_edges() == roadmap.n_edges
-    assert networkx.is_connected(graph)
-    a, b = roadmap.edges[5]
-    assert graph.edges[a, b]["length"] == roadmap.lengths[5]
-    assert graph.edges[a, b]["id"] == 5
-    assert np.array_equal(graph.nodes[7]["q"], roadmap.nodes[7])
 
 
 def test_every_edge_stands_in_the_lists_of_both_its_nodes(small_map):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from roadmap import tool_pose
-from roadmap.errors import BadConfiguration
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
-from roadmap.kinematics.inverse import BadPose, solve
+from roadmap.kinematics.inverse import solve
 
 
 def test_solutions_reach_the_pose_within_limits(panda, gantry, rng):
@@ -83,7 +83,7 @@ def bent(**changes):
     ],
 )
 def test_a_bad_pose_is_refused_in_one_sentence(panda, pose, words):
-    with pytest.raises(BadPose, match=words):
+    with pytest.raises(BadInput, match=words):
         panda.ik(pose)
 
 

@@ -179,7 +179,7 @@ def test_every_frame_is_shown_to_a_listener(straight, crane, places, statue):
     [
         ({"rate_hz": 0}, "rate_hz is 0"),
         ({"duration_s": float("nan")}, "duration_s is nan"),
-        ({"speed_scale": 1.5}, "share in"),
+        ({"speed_scale": 1.5}, "speed_scale is 1.5"),
     ],
 )
 def test_settings_that_make_no_loop_are_refused(values, words):
