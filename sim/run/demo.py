@@ -1,7 +1,7 @@
 """`odm demo`: a robot at work while a person moves, with tables and pictures."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,22 +23,6 @@ from sim.run.places import DEMO, find_places, warm_up
 from sim.run.report import print_report
 
 
-@dataclass(frozen=True)
-class DemoFiles:
-    """What the demo wrote.
-
-    Attributes:
-        film, plot, record: Animation (GIF), latency plot (PNG), figures (JSON).
-        result, alone: The run, and the same one without a person.
-    """
-
-    film: Path
-    plot: Path
-    record: Path
-    result: RunResult
-    alone: RunResult
-
-
 def run_demo(
     map_dir: str | Path,
     out_dir: str | Path,
@@ -46,10 +30,11 @@ def run_demo(
     settings: LoopSettings = DEMO,
     film: FilmSettings | None = None,
     console: Console | None = None,
-) -> DemoFiles:
+) -> dict[str, Path]:
     """Run the loop with and without a person, print the tables, write the pictures.
 
-    The folder `out_dir` is made if it is not there. Returns the files and both runs.
+    The folder `out_dir` is made if it is not there. Returns the files: "film" (GIF),
+    "latency" (PNG) and "figures" (JSON).
     """
     console = console or Console()
     out = Path(out_dir)
@@ -60,7 +45,7 @@ def run_demo(
     warm_up(planner, places, motion, settings)
     console.print(f"[bold]{cell_map.robot.name}[/] at work, human motion: {motion}")
     result, alone = run_pair(planner, places, motion, settings)
-    print_report([result], alone, cell_map.hash, console)
+    print_report(result, alone, cell_map.hash, console)
     begun = time.perf_counter()
     world, note = open_world(cell_map)
     with world:
@@ -71,9 +56,10 @@ def run_demo(
     record.write_text(result.to_json(), encoding="utf-8")
     took = time.perf_counter() - begun
     console.print(note, f"Pictures took {took:.0f} s.")
-    for kind, file in (("film", path), ("latency", plot), ("figures", record)):
+    files = {"film": path, "latency": plot, "figures": record}
+    for kind, file in files.items():
         console.print(f"{kind:>8}: {file}", soft_wrap=True)
-    return DemoFiles(path, plot, record, result, alone)
+    return files
 
 
 def run_pair(

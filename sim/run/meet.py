@@ -121,7 +121,7 @@ class MeetSetup:
         """Return a loop that has not begun, and its audit."""
         human = person.human(0.0)
         live = self.live(human, side)
-        loop = MeetLoop(live, self.rest, person, settings, None, dwell_s)
+        loop = MeetLoop(live, self.rest, person, settings, dwell_s)
         audit = TargetAudit(self.meet(human, side), self.cell_map, LIVE.from_rest)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
@@ -235,7 +235,7 @@ class MeetTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables."""
-        print_report([result], None, self.cell_map.hash)
+        print_report(result, None, self.cell_map.hash)
         print_targets(figures["targets"])
 
 

@@ -83,7 +83,7 @@ class PlacesTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables."""
-        print_report([result], self._alone, self.cell_map.hash)
+        print_report(result, self._alone, self.cell_map.hash)
 
 
 def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:

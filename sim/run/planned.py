@@ -137,7 +137,7 @@ class PlanTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables, and what became of the hand-over."""
-        print_report([result], None, self.cell_map.hash)
+        print_report(result, None, self.cell_map.hash)
         told = figures["plan"]
         offered = told["offered_s"]
         what = (

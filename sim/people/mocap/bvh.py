@@ -47,7 +47,7 @@ def parse_bvh(text: str, source: str) -> Tracks:
     values = _values(lines[start:], n_channels, count, source)
     with np.errstate(over="ignore", invalid="ignore"):  # too far: not seen
         places, rest = _places(joints, values), _rest(joints)
-    return Tracks(source, "bvh", rate, places, rest=rest)
+    return Tracks(source, rate, places, rest=rest)
 
 
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:

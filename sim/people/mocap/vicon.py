@@ -43,7 +43,7 @@ def parse_csv(text: str, source: str) -> Tracks:
         found[frames - frames[0]] = cells[:, column : column + 3]
         found[~np.isfinite(found).all(axis=1)] = np.nan
         places[name] = found
-    return Tracks(source, "csv", rate, places, scale, "z")
+    return Tracks(source, rate, places, scale, "z")
 
 
 def _columns(names: list[str], axes: list[str], source: str) -> dict[str, int]:
