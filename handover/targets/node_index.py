@@ -44,7 +44,6 @@ class NodeIndex:
         self._tree = cKDTree(self._points(self.T_base_tool))
 
     def __len__(self) -> int:
-        """Return how many nodes there are."""
         return len(self.nodes)
 
     def nearest(self, T_base_tool: np.ndarray, k: int = 1) -> np.ndarray:
