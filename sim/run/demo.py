@@ -16,8 +16,7 @@ from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
-from sim.loop.run_result import RunResult
-from sim.people.human_motion import HumanMotion, make_motion
+from sim.people.human_motion import make_motion
 from sim.run.latency_plot import write_latency_plot
 from sim.run.places import DEMO, find_places, warm_up
 from sim.run.report import print_report
@@ -42,9 +41,12 @@ def run_demo(
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
     places = find_places(planner)
-    warm_up(planner, places, motion, settings)
+    human = make_motion(motion, settings.seed)
+    warm_up(planner, places, human, settings)
     console.print(f"[bold]{cell_map.robot.name}[/] at work, human motion: {motion}")
-    result, alone = run_pair(planner, places, motion, settings)
+    result = run_loop(planner, planner.robot, places, human, settings)
+    bare = replace(settings, keep_paths=0)
+    alone = run_loop(planner, planner.robot, places, None, bare)
     print_report(result, alone, cell_map.hash, console)
     begun = time.perf_counter()
     world, note = open_world(cell_map)
@@ -60,24 +62,6 @@ def run_demo(
     for kind, file in files.items():
         console.print(f"{kind:>8}: {file}", soft_wrap=True)
     return files
-
-
-def run_pair(
-    planner: ReactivePlanner,
-    places: np.ndarray,
-    motion: str | HumanMotion,
-    settings: LoopSettings,
-) -> tuple[RunResult, RunResult]:
-    """Return a run with a person, and the same one without.
-
-    The path in use is forgotten first; a motion's name is seeded by the settings.
-    """
-    if isinstance(motion, str):
-        motion = make_motion(motion, settings.seed)
-    result = run_loop(planner, planner.robot, places, motion, settings)
-    bare = replace(settings, keep_paths=0)
-    alone = run_loop(planner, planner.robot, places, None, bare)
-    return result, alone
 
 
 def open_world(
