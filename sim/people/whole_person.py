@@ -162,9 +162,6 @@ class RecordedPerson:
     The planner sees what the tracker knows, parts that it does not see grown by their
     age; the workspace sees the person as they probably are.
 
-    Args:
-        motion: The recording.
-
     Raises:
         BadInput: The recording does not show a whole arm and the trunk.
     """

@@ -16,10 +16,6 @@ class MeetPlanner:
     It answers `set_goals` by nothing: the targets are the goals. All else is the
     planner's.
 
-    Args:
-        live: The targets and the planner.
-        human_at: Time [s] -> the person.
-
     Attributes:
         human: The person of the last frame; None before the first one.
     """

@@ -36,9 +36,6 @@ OBJECT_KEEPS = 0.005
 class PhasePlanner:
     """A planner whose tests of stops know the phase.
 
-    Args:
-        planner: The planner.
-
     Attributes:
         phase: "give", "receive" or None.
         classes: (k,) class of each shape of the frame.

@@ -26,12 +26,7 @@ class _Asleep:
 
 
 class ArmBeside(Source):
-    """The robot at a node of its roadmap, and an arm: one moment that changes.
-
-    Args:
-        cell_map: The map.
-        motion: Whose arm it is.
-    """
+    """The robot at a node of its roadmap, and an arm: one moment that changes."""
 
     def __init__(self, cell_map: CellMap, motion: HumanMotion) -> None:
         robot, nodes = cell_map.robot, cell_map.roadmap.nodes

@@ -71,9 +71,6 @@ class Source(ABC):
 class Recorded(Source):
     """A recording, which needs nothing but its file.
 
-    Args:
-        record: The recording.
-
     Attributes:
         robot: Its robot.
     """

@@ -28,10 +28,6 @@ def parse_bvh(text: str, source: str) -> Tracks:
     the place of that coordinate of the offset. The end of a chain is named
     `<joint>_end`.
 
-    Args:
-        text: Contents of the file.
-        source: Its name, for messages.
-
     Raises:
         BadMocap: Not a BVH, cut off, not numeric, a rate of 0, no frames.
     """

@@ -18,10 +18,6 @@ def parse_csv(text: str, source: str) -> Tracks:
     data follow up to the first empty line. An empty cell is a gap, and so is a frame
     whose number is left out.
 
-    Args:
-        text: Contents of the file.
-        source: Its name, for messages.
-
     Raises:
         BadMocap: A line is missing, cut off or not numeric, a rate of 0, no frames.
     """
