@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from odm import build_map
-from sim.cli.bench_command import fill_section
+from sim.bench.command import fill_section
 from sim.loop.warmup import tiny_recipe
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -65,7 +65,6 @@ class GraspSet:
         freeze(self, **_ARRAYS)
 
     def __len__(self) -> int:
-        """Return the number of grasps."""
         return len(self.quality)
 
     def save(self, path: str | Path) -> Path:

@@ -1,7 +1,6 @@
 """A mesh of the user's as what is handed over: how a gripper holds it, and its rods."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from handover.grasps.grasp_build import GraspSettings, build_grasps
 from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import Hand, make_hand
 from handover.grasps.hands import HandSpec
-from handover.grasps.objects import GraspObject, load_object
+from handover.grasps.objects import GraspObject
 from handover.meet.held_object import HeldObject, fist_grasps
 from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from roadmap.errors import BadInput
@@ -32,37 +31,24 @@ _OUT_OF_HAND = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def held_mesh(
-    source: str | Path | GraspObject,
-    robot: Robot,
-    urdf: str,
-    tip: str,
-    pads: Sequence[str],
-    mass_kg: float | None = None,
-    scale: float = 1.0,
+    thing: GraspObject, robot: Robot, urdf: str, tip: str, pads: Sequence[str]
 ) -> HeldObject:
-    """Return a mesh as a robot's gripper holds it, to be taken where it sticks out.
+    """Return an object as a robot's gripper holds it, to be taken where it sticks out.
 
     The grasp is one of those that `build_grasps` finds for the gripper as the robot's
     description has it: by force closure, the one that leaves most of the object before
     the fingers, near the tool's axis.
 
     Args:
-        source: A closed mesh (STL, OBJ, ...), one of `handover.object_names()`, or what
-            `load_object` made of it.
+        thing: The object, of `handover.load_object`.
         robot: The robot.
         urdf: Its known name, or its URDF.
         tip: Link of its tool.
         pads: Links that touch an object.
-        mass_kg: Mass of a mesh file [kg]; None: 500 kg/m3 times its volume.
-        scale: What turns the mesh file's unit into metres.
 
     Raises:
-        BadInput: A mesh that is open, or too large or small for hands; one that the
-            gripper cannot hold, or that leaves no room for a person's hand.
+        BadInput: The gripper cannot hold it, or it leaves no room for a person's hand.
     """
-    thing = source
-    if not isinstance(thing, GraspObject):
-        thing = load_object(thing, mass_kg, scale)
     grasps, hand, T_tool_palm = _grasps_of(thing, robot, urdf, tip, pads)
     corners = np.concatenate(thing.triangles())
     best, most = None, -np.inf

@@ -42,7 +42,6 @@ class Handover:
     reason: str = ""
 
     def __bool__(self) -> bool:
-        """Return whether a verified target was found."""
         return self.q is not None
 
 

@@ -133,10 +133,6 @@ class MotionPlanner:
 
         The tuple's arms may have got other postures, the palms where they were.
 
-        Args:
-            chosen: The tuple.
-            budget: Motions that each search tests.
-
         Raises:
             Blocked: One of them was not found.
         """

@@ -73,7 +73,6 @@ class HandoverPlan:
         return self.motions[-1].end if self.motions else 0.0
 
     def __bool__(self) -> bool:
-        """Return whether there is a plan."""
         return self.found
 
 

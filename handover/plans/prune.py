@@ -139,7 +139,6 @@ class Looked:
             self._stamp = mover.stamp
 
     def __len__(self) -> int:
-        """Return how many grasps are looked at."""
         return len(self.use)
 
     @property

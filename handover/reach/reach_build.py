@@ -14,7 +14,7 @@ from handover.reach import _reach_lookup as lookup
 from handover.reach._reach_build import Build, Cells
 from handover.reach._reach_mark import Queue, mark_positions, queue_of
 from handover.reach.extremes import best_dexterity, work_of
-from handover.reach.reach_chunks import ChunkCrew, ReachSpec, empty_cells
+from handover.reach.reach_chunks import ChunkPool, ReachSpec, empty_cells
 from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
@@ -108,13 +108,13 @@ def build_reach_map(
     cells = empty_cells(grid.n_cells, chain.dof)
     reference = best_dexterity(chain, settings.seed)
     threads = threads or os.cpu_count() or 1
-    with ThreadPoolExecutor(threads) as pool:
-        crew = _Crew(pool, threads, (chain, grid, cells), settings.seconds, workers)
+    with ThreadPoolExecutor(threads) as executor:
+        pool = _Pool(executor, threads, (chain, grid, cells), settings.seconds, workers)
         try:
-            drawn = _draw(crew, settings, reference, tell)
-            counts, gains = _sweep(crew, settings, reference, tell)
+            drawn = _draw(pool, settings, reference, tell)
+            counts, gains = _sweep(pool, settings, reference, tell)
         except BaseException:
-            pool.shutdown(cancel_futures=True)
+            executor.shutdown(cancel_futures=True)
             raise
     if not counts[0]:
         raise BuildRefused(
@@ -131,7 +131,7 @@ def build_reach_map(
         "settled_by_sweep": gains,
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
-        "stopped_early": crew.is_late(),
+        "stopped_early": pool.is_late(),
     } | _times(begun, cpu)
     return replace(reach, built=built)
 
@@ -143,24 +143,24 @@ def _times(begun: float, cpu: float) -> dict[str, float]:
     }
 
 
-class _Crew:
+class _Pool:
     """Threads that fill the same cells, each with working memory of its own."""
 
     def __init__(
         self,
-        pool: ThreadPoolExecutor,
+        executor: ThreadPoolExecutor,
         threads: int,
         filled: tuple[Chain, ReachGrid, Cells],
         seconds: float | None,
         workers: Workers | None = None,
     ):
         chain, self.grid, self.cells = filled
-        self.pool, self.size, self.begun = pool, threads, time.perf_counter()
+        self.executor, self.size, self.begun = executor, threads, time.perf_counter()
         self.seconds = np.inf if seconds is None else seconds
-        self.chunks: ChunkCrew | None = None  # who works elsewhere, if anybody does
+        self.chunks: ChunkPool | None = None  # who works elsewhere, if anybody does
         if workers is not None:
             spec = ReachSpec(chain, self.grid.cell, self.grid.rotations.n_cells)
-            self.chunks = ChunkCrew(workers, spec, self.grid, self.cells)
+            self.chunks = ChunkPool(workers, spec, self.grid, self.cells)
         shared = chain.arrays, self.grid.arrays, self.cells
         n = self.grid.rotations.n_cells
         self._idle = [
@@ -178,7 +178,7 @@ class _Crew:
             finally:
                 self._idle.append(memory)
 
-        return self.pool.map(one, items)
+        return self.executor.map(one, items)
 
     def is_late(self, part: float = 1.0) -> bool:
         """Return True if this share of the time limit has passed."""
@@ -196,11 +196,11 @@ def _check_size(grid: ReachGrid, chain: Chain) -> None:
 
 
 def _draw(
-    crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
+    pool: _Pool, settings: ReachSettings, reference: float, tell: Progress
 ) -> int:
     """Enter the best sample of every cell; returns how many were drawn."""
     total, done = settings.samples, 0
-    n_rotations = crew.grid.rotations.n_cells
+    n_rotations = pool.grid.rotations.n_cells
 
     def draw(span: tuple[int, int], build: Build, _: object) -> tuple:
         where = np.empty(span[1] - span[0], np.int32)
@@ -208,35 +208,35 @@ def _draw(
         kernels.draw_samples(build, settings.seed, span[0], reference, where, value)
         return span[0], where, value
 
-    while done < total and not crew.is_late(1 / 3):
+    while done < total and not pool.is_late(1 / 3):
         end = min(total, done + 8 * _CHUNK)
         spans = [(k, min(k + _CHUNK, end)) for k in range(done, end, _CHUNK)]
-        if crew.chunks is not None:
-            drawn = list(crew.chunks.draw(spans, settings.seed, reference))
+        if pool.chunks is not None:
+            drawn = list(pool.chunks.draw(spans, settings.seed, reference))
         else:
-            drawn = list(crew.run(draw, spans))
+            drawn = list(pool.run(draw, spans))
 
         def enter(part: int, *_: object, drawn: list = drawn) -> None:
             for start, where, value in drawn:
                 kernels.keep_best(
-                    part, crew.size, n_rotations, start, where, value, crew.cells
+                    part, pool.size, n_rotations, start, where, value, pool.cells
                 )
 
-        list(crew.run(enter, list(range(crew.size))))
+        list(pool.run(enter, list(range(pool.size))))
         done = end
         tell("drawing samples", done, total)
     return done
 
 
 def _sweep(
-    crew: _Crew, settings: ReachSettings, reference: float, tell: Progress
+    pool: _Pool, settings: ReachSettings, reference: float, tell: Progress
 ) -> tuple[np.ndarray, list[int]]:
     """Propagate witnesses through all positions until a pass adds next to nothing."""
-    n = crew.grid.rotations.n_cells
-    marked = crew.cells.quality.reshape(-1, n)
+    n = pool.grid.rotations.n_cells
+    marked = pool.cells.quality.reshape(-1, n)
     rules = np.array([reference, settings.seed, settings.keep])
     counts, gains = np.zeros(4, np.int64), []
-    changed = crew.cells.sample.reshape(-1, n).any(axis=1)
+    changed = pool.cells.sample.reshape(-1, n).any(axis=1)
 
     def mark(positions: np.ndarray, build: Build, queue: Queue) -> np.ndarray:
         added = np.zeros(4, np.int64)
@@ -245,27 +245,27 @@ def _sweep(
 
     for sweep in range(settings.sweeps):
         before = np.count_nonzero(marked, axis=1)
-        groups = crew.grid.colours(changed)
+        groups = pool.grid.colours(changed)
         chunks = [
             [g[k : k + _POSITIONS] for k in range(0, len(g), _POSITIONS)]
             for g in groups
         ]
         total, done = sum(map(len, chunks)), 0
         for group in chunks:
-            if crew.chunks is not None:
-                marking = crew.chunks.mark(group, rules)
+            if pool.chunks is not None:
+                marking = pool.chunks.mark(group, rules)
             else:
-                marking = crew.run(mark, group)
+                marking = pool.run(mark, group)
             for added in marking:
                 counts += added
                 done += 1
                 tell(f"marking cells, pass {sweep + 1}", done, total)
-            if sweep and crew.is_late():
+            if sweep and pool.is_late():
                 break
         after = np.count_nonzero(marked, axis=1)
         gains.append(int(after.sum() - before.sum()))
         changed = after != before
-        if crew.is_late() or gains[-1] < 3e-3 * after.sum():
+        if pool.is_late() or gains[-1] < 3e-3 * after.sum():
             break
     return counts, gains
 

@@ -122,7 +122,7 @@ def _rows(grid: ReachGrid, array: np.ndarray) -> np.ndarray:
     return array.reshape(grid.n_positions, grid.rotations.n_cells, *array.shape[1:])
 
 
-class ChunkCrew:
+class ChunkPool:
     """Fills the cells of a map chunk by chunk, by `workers`."""
 
     def __init__(

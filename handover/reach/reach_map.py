@@ -95,10 +95,6 @@ class ReachMap:
         Its tool is in the same cell, not at the same pose: `robot.ik(T, q_seed=...)`
         goes the rest where the pose itself can be reached.
 
-        Args:
-            T_base_tool: (4, 4) [m].
-            unit_m: As in `quality`.
-
         Raises:
             BadInput: As in `quality`.
             BadMap: The map contradicts itself.

@@ -15,7 +15,7 @@ from roadmap.chunks import Progress
 from roadmap.errors import BadInput, BadMap
 from roadmap.geometry.self_collision import configuration_free
 
-_CHUNK = 50
+_CHUNK, _STARTS = 50, 24  # poses between two looks at the progress; for each
 _SEED_OFFSET = 90_001  # not the samples that the map was drawn with
 
 
@@ -61,7 +61,6 @@ def measure_recall(
     reach: ReachMap,
     chain: Chain | None = None,
     poses: int = 1000,
-    attempts: int = 24,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Recall:
@@ -69,14 +68,13 @@ def measure_recall(
 
     Samples of forward kinematics would flatter: they fall where the map's own samples
     fell. Poses are drawn in the box that the tool can reach, rotations uniformly, and
-    solved from `attempts` random starts by damped least squares.
+    solved from 24 random starts by damped least squares.
 
     Args:
         reach: The map.
         chain: The chain with its robot, so that solutions in self-collision do not
             count; default: the map's, without it.
         poses: How many are drawn.
-        attempts: Starts for each.
         seed: Of poses and starts.
         progress: Called with (stage, done, total).
 
@@ -89,14 +87,12 @@ def measure_recall(
             f"{chain.name} is not what the map of {reach.chain.name} was built for; "
             "give the chain it was built from"
         )
-    if poses < 1 or attempts < 1:
-        raise BadInput(
-            f"{poses} poses and {attempts} starts are too few; give 1 or more"
-        )
+    if poses < 1:
+        raise BadInput(f"{poses} poses are too few; give 1 or more")
     if chain.dof < 6:
         return Recall(poses, 0, 0, 0, 0)  # a random pose is never reached
     drawn = random_poses(reachable_box(chain), poses, np.random.default_rng(seed))
-    used = solved(reach, chain, drawn, attempts, seed + _SEED_OFFSET, progress)
+    used = solved(reach, chain, drawn, seed + _SEED_OFFSET, progress)
     bytes_ = np.empty(poses, np.uint8)
     lookup.qualities_of_poses(reach.packed, reach.grid.arrays, drawn, bytes_)
     known, can = bytes_ > 0, used > 0
@@ -104,7 +100,7 @@ def measure_recall(
         poses,
         int(can.sum()),
         int((known & can).sum()),
-        int((used > attempts // 2).sum()),
+        int((used > _STARTS // 2).sum()),
         int((known & ~can).sum()),
     )
 
@@ -113,17 +109,15 @@ def center_rate(
     reach: ReachMap,
     chain: Chain | None = None,
     cells: int = 500,
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> float:
     """Return the share of marked cells whose exact centre can be reached."""
     chain = chain or reach.chain
-    some = _some_cells(reach, cells, seed)
+    some = _some_cells(reach, cells)
     poses, grid = np.empty((len(some), 12)), reach.grid.arrays
     for pose, cell in zip(poses, some, strict=True):
         kernels.center_of(grid, cell, pose)
-    seed += _SEED_OFFSET
-    used = solved(reach, chain, poses, 24, seed, progress, "centres of cells")
+    used = solved(reach, chain, poses, _SEED_OFFSET, progress, "centres of cells")
     return float((used > 0).mean())
 
 
@@ -131,7 +125,6 @@ def witness_precision(
     reach: ReachMap,
     chain: Chain | None = None,
     cells: int = 2000,
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> float:
     """Return the share of marked cells whose witness proves them reached.
@@ -142,7 +135,7 @@ def witness_precision(
     """
     tell = progress or (lambda stage, done, total: None)
     chain = chain or reach.chain
-    some = _some_cells(reach, cells, seed)
+    some = _some_cells(reach, cells)
     good = 0
     for k, cell in enumerate(some.tolist()):
         good += _proves(reach, chain, cell)
@@ -164,16 +157,15 @@ def _proves(reach: ReachMap, chain: Chain, cell: int) -> bool:
     return chain.robot is None or configuration_free(chain.robot, whole)[0]
 
 
-def _some_cells(reach: ReachMap, n: int, seed: int) -> np.ndarray:
+def _some_cells(reach: ReachMap, n: int) -> np.ndarray:
     marked = reach.marked_cells()
-    return np.random.default_rng(seed).choice(marked, min(n, len(marked)), False)
+    return np.random.default_rng(0).choice(marked, min(n, len(marked)), False)
 
 
 def solved(
     reach: ReachMap,
     chain: Chain,
     poses: np.ndarray,
-    attempts: int,
     seed: int,
     progress: Progress | None = None,
     stage: str = "random poses",
@@ -186,7 +178,7 @@ def solved(
         part = slice(k, k + _CHUNK)
         starts_taken(
             chain.arrays, poses[part], reach.grid.arrays.scale, touch, work,
-            (seed + k, attempts), used[part],
+            (seed + k, _STARTS), used[part],
         )  # fmt: skip
         tell(stage, min(k + _CHUNK, len(poses)), len(poses))
     return used

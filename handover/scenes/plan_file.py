@@ -239,19 +239,13 @@ def _agent(placed: PlacedAgent) -> dict:
 
 
 def _motion(motion: TimedMotion) -> dict:
-    return {
-        "name": motion.name,
-        "who": motion.who,
-        "joints": list(motion.joints),
-        "times": np.asarray(motion.times, float).tolist(),
-        "positions": np.asarray(motion.positions, float).tolist(),
-    }
+    rows = {k: np.asarray(getattr(motion, k), float) for k in ("times", "positions")}
+    joints = {"joints": list(motion.joints)}
+    return vars(motion) | joints | {k: row.tolist() for k, row in rows.items()}
 
 
 def _hold(hold: Hold) -> dict:
-    return {
-        "who": hold.who,
-        "link": hold.link,
+    return vars(hold) | {
         "T_link_object": np.asarray(hold.T_link_object, float).tolist(),
         "begin": float(hold.begin),
         "end": None if hold.end is None else float(hold.end),

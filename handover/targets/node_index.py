@@ -17,10 +17,6 @@ class NodeIndex:
 
     A goal at a node costs nothing to attach: the roadmap leads there already.
 
-    Args:
-        robot: The robot.
-        nodes: (n, dof) configurations [rad or m].
-
     Attributes:
         nodes: (n, dof) the same configurations, read-only.
         T_base_tool: (n, 4, 4) pose of the tool at each [m].
@@ -44,7 +40,6 @@ class NodeIndex:
         self._tree = cKDTree(self._points(self.T_base_tool))
 
     def __len__(self) -> int:
-        """Return how many nodes there are."""
         return len(self.nodes)
 
     def nearest(self, T_base_tool: np.ndarray, k: int = 1) -> np.ndarray:

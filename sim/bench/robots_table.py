@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from roadmap.errors import BadInput
-from sim.cli.bench_command import fill_section
+from sim.bench.command import fill_section
 
 PARTS = ("build", "info", "audit", "run")
 _HEADS = (

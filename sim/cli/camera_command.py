@@ -251,17 +251,12 @@ def _configuration(cell_map: "CellMap", q: str | None) -> "np.ndarray":
 
 def _show(file: Path, facts: dict) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    from sim.tables.fitted import Fitted
+    from sim.tables.fitted import print_table
 
     console, image = Console(), facts["image"]
-    table = Table(title=str(file), title_justify="left")
-    table.add_column("cells")
-    table.add_column("number", justify="right")
-    for name, n in facts["cells"].items():
-        table.add_row(name, str(n))
-    console.print(Fitted(table))
+    rows = ((name, str(n)) for name, n in facts["cells"].items())
+    print_table(console, str(file), ("cells", "number"), rows)
     low, middle, high = facts["depth_m"]
     pixels = image["width"] * image["height"]
     radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]

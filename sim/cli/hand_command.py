@@ -99,27 +99,19 @@ def _arm_facts(request: HandRequest, cuts: list["Cut"]) -> dict:
 
 def _show_arm(facts: dict) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    from sim.tables.fitted import Fitted
+    from sim.tables.fitted import print_table
 
-    table = Table(
-        title=f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
-        f"{facts['posture']}",
-        title_justify="left",
-    )
+    title = f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
     heads = ("plane", "reached", "most dextrous", "easiest", "best of both")
-    for head in heads:
-        table.add_column(head, justify="left" if head == "plane" else "right")
+    rows = []
     for row in facts["planes"]:
         best = [row[name] for name in ("dexterity", "effort", "combined")]
-        table.add_row(
-            f"{row['plane']} = {row['at_m']:.2f} m",
-            f"{row['area_m2']:.2f} m2",
-            *(f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best),
-        )
+        at, area = f"{row['plane']} = {row['at_m']:.2f} m", f"{row['area_m2']:.2f} m2"
+        told = (f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best)
+        rows.append((at, area, *told))
     console = Console(highlight=False)
-    console.print(Fitted(table))
+    print_table(console, title + facts["posture"], heads, rows)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 

@@ -129,12 +129,13 @@ def _segments(human: "Human") -> list[dict]:
 
     lengths, sizes = human.skeleton.arms[1], human.sizes
     thigh, shank, ankle, foot = human.skeleton.legs
+    trunk = body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
     rows = [
         ("upper arm", lengths[0], "upper arm", sizes.upper_arm),
         ("forearm", lengths[1], "forearm", sizes.forearm),
         ("wrist to grip", lengths[2], None, None),
         ("hand", human.skeleton.hands[1], "hand", sizes.hand),
-        ("hip to neck", human.height * _trunk(body), None, sizes.torso),
+        ("hip to neck", human.height * trunk, None, sizes.torso),
         ("neck to crown", sizes.crown, None, sizes.head),
         ("thigh", thigh, None, sizes.thigh),
         ("shank", shank, None, sizes.shank),
@@ -153,15 +154,10 @@ def _segments(human: "Human") -> list[dict]:
     ]
 
 
-def _trunk(body: object) -> float:
-    return body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
-
-
 def _show(facts: dict) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    from sim.tables.fitted import Fitted
+    from sim.tables.fitted import print_table
 
     console = Console(highlight=False)
     reach = facts["reach"]
@@ -170,32 +166,25 @@ def _show(facts: dict) -> None:
         f"{facts['posture']}; {facts['capsules']} closed capsules, "
         f"{facts['thickness']} thickness"
     )
-    table = Table(title="Segments", title_justify="left", title_style="bold")
-    for head in ("segment", "length \\[m]", "of height", "mass \\[kg]", "radius \\[m]"):
-        table.add_column(head, justify="left" if head == "segment" else "right")
+    heads = ("segment", "length \\[m]", "of height", "mass \\[kg]", "radius \\[m]")
+    rows = []
     for row in facts["segments"]:
         length, share = f"{row['length_m']:.3f}", f"{row['of_height']:.3f}"
         mass = "" if row["mass_kg"] is None else f"{row['mass_kg']:.2f}"
         radius = "" if row["radius_m"] is None else f"{row['radius_m']:.3f}"
-        table.add_row(row["segment"], length, share, mass, radius)
-    console.print(Fitted(table))
-    table = Table(title="Joints of an arm", title_justify="left", title_style="bold")
-    for head in ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture"):
-        table.add_column(head, justify="left" if head == "joint" else "right")
-    for row in facts["joints"]:
-        numbers = (row["lower_deg"], row["upper_deg"], row["now_deg"])
-        table.add_row(row["joint"], *(f"{n:.0f}" for n in numbers))
-    console.print(Fitted(table))
+        rows.append((row["segment"], length, share, mass, radius))
+    print_table(console, "Segments", heads, rows, title_style="bold")
+    heads = ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture")
+    names = ("lower_deg", "upper_deg", "now_deg")
+    rows = [(r["joint"], *(f"{r[n]:.0f}" for n in names)) for r in facts["joints"]]
+    print_table(console, "Joints of an arm", heads, rows, title_style="bold")
     console.print(
         f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
         f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "
-        + ", ".join(f"{k} {reach[f'grip_{k}_m']:.2f}" for k in _DIRECTIONS)
+        + ", ".join(f"{k[5:-2]} {v:.2f}" for k, v in reach.items() if k[:5] == "grip_")
         + f" m; shoulder {reach['shoulder_height_m']:.2f} m and eyes "
         f"{reach['eye_height_m']:.2f} m above the floor",
         soft_wrap=True,
     )
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
-
-
-_DIRECTIONS = ("forward", "backward", "outward", "across", "up", "down")

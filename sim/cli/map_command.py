@@ -52,7 +52,6 @@ def info(request: InfoRequest) -> None:
             from sim.draw.coverage import plot_map
 
             tell("picture", 0, 1)
-            request.plot.parent.mkdir(parents=True, exist_ok=True)
             facts["plot"] = str(plot_map(cell_map, request.plot))
     report(facts, request.json, describe.show)
 

@@ -149,17 +149,11 @@ def _write(
 def show(figures: dict, maps: tuple) -> None:
     """Print the figures as tables."""
     from rich.console import Console
-    from rich.table import Table
 
     from sim.run.report import setting_line
-    from sim.tables.fitted import Fitted
+    from sim.tables.fitted import print_table
 
-    table = Table(title="Two robots, by the exact audit of every frame")
-    table.title_justify = "left"
-    table.add_column("")
     second = "second" if figures["other"] == "planned" else "second, scripted"
-    for name in ("first", second):
-        table.add_column(name, justify="right")
     near = figures["separation_m"]
     x, y = figures["base_m"][:2]
     rows = [
@@ -177,10 +171,9 @@ def show(figures: dict, maps: tuple) -> None:
         ("base of the second", f"{x:.2f}, {y:.2f} m", ""),
         *_times(figures["latency_us"]),
     ]
-    for row in rows:
-        table.add_row(*row)
     console = Console()
-    console.print(Fitted(table))
+    title = "Two robots, by the exact audit of every frame"
+    print_table(console, title, ("", "first", second), rows)
     for k, reasons in enumerate(figures["hold_reasons"]):
         for reason, frames in reasons:
             seconds = frames / figures["rate_hz"]

@@ -66,7 +66,7 @@ def view(request: ViewRequest) -> None:
     """
     from roadmap.errors import BadInput
     from sim.terminal.progress import silence
-    from sim.view.gate import is_local, listening, new_token
+    from sim.view.gate import listening, token_for
     from sim.view.viewer import check_viewer
 
     if request.file is None and request.map_dir is None:
@@ -74,11 +74,7 @@ def view(request: ViewRequest) -> None:
     if request.file is not None:
         _check_kind(request.file)
     check_viewer()
-    token = request.token
-    if token is None:
-        token = "" if is_local(request.host) else new_token()
-    if not token and not is_local(request.host):
-        raise BadInput(f"--host {request.host} needs a --token that is not empty")
+    token = token_for(request.host, request.token)
     shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
     door = listening(request.host, request.port)
     from sim.view.page import Page

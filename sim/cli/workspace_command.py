@@ -206,7 +206,6 @@ def _report(
     if plot is not None:
         from sim.draw.reach_picture import write_reach_plot
 
-        plot.parent.mkdir(parents=True, exist_ok=True)
         facts["plot"] = str(write_reach_plot(reach, plot))
     report(facts, json, _show)
 

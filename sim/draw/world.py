@@ -1,4 +1,4 @@
-"""The pybullet DIRECT world: draws robot and person, and measures their distance."""
+"""The pybullet DIRECT world: draws robot and person."""
 
 import contextlib
 import ctypes
@@ -145,18 +145,6 @@ class World:
                 specularColor=[0.05, 0.05, 0.05],
             )
             self._bullet.createMultiBody(0, -1, visual)
-
-    def separation(self, limit: float = 1.0) -> float:
-        """Return the distance of robot and person [m], `limit` if it is larger.
-
-        pybullet takes the convex hull of each collision mesh and keeps a margin of
-        about a millimetre; the exact audit is `odm.audit.exact`.
-        """
-        nearest = limit
-        for body in self._person[: len(self._person) - len(self._held)]:
-            pairs = self._bullet.getClosestPoints(self._robot, body, limit)
-            nearest = min([nearest, *(pair[8] for pair in pairs)])
-        return nearest
 
     def picture(self, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Draw the world.

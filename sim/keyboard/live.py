@@ -65,7 +65,7 @@ class KeyboardPerson:
         )
         session = Session(loop, self._arm, setting, on_frame)
         self.ended = session.run(self._keys, self._screen)
-        self.frames, self.late = session.tally.frames, session.pacer.late
+        self.frames, self.late = session.stats.frames, session.pacer.late
         self.slipped_s = session.pacer.slipped_s
         self.result = kept.result(loop)
         return self.result

@@ -55,7 +55,7 @@ def key_lines() -> list[tuple[str, str]]:
 
 
 def _full(view: View, width: int) -> list[Text]:
-    tally = view.tally
+    stats = view.stats
     slipped = f", {view.slipped_s:.2f} s behind the clock" if view.late else ""
     return [
         _head(view, width, f"{view.title} · {view.rate_hz:g} Hz · {view.clock}"),
@@ -66,8 +66,8 @@ def _full(view: View, width: int) -> list[Text]:
         _row("robot", f"fastest point {view.speed}"),
         _row("latency", view.latency),
         _row("blocked", *_bar(view, 20), f" of {view.edges:,} edges"),
-        _row("trips", f"{tally.trips}, new paths {tally.new_paths}"),
-        _row("missed", f"{view.late} of {tally.frames:,} frames{slipped}"),
+        _row("trips", f"{stats.trips}, new paths {stats.new_paths}"),
+        _row("missed", f"{view.late} of {stats.frames:,} frames{slipped}"),
         Text(),
         *(_slider(view, axis, width) for axis in range(len(SLIDERS))),
         Text(),
@@ -76,7 +76,7 @@ def _full(view: View, width: int) -> list[Text]:
 
 
 def _small(view: View, width: int) -> list[Text]:
-    tally = view.tally
+    stats = view.stats
     values = [f"{s.name} {view.value(k)}" for k, s in enumerate(SLIDERS)]
     place = " ".join(value.removesuffix(" m") for value in values[:3]) + " m"
     return [
@@ -85,7 +85,7 @@ def _small(view: View, width: int) -> list[Text]:
         Text(f"separation {view.separation}"),
         Text(f"latency {view.latency}"),
         Text.assemble("blocked ", *_bar(view, min(max(width - 16, 4), 24))),
-        Text(f"trips {tally.trips}, missed {view.late} of {tally.frames:,}"),
+        Text(f"trips {stats.trips}, missed {view.late} of {stats.frames:,}"),
         Text(),
         Text.assemble(f"{place:<30} ", ("↑↓←→ uj", _KEY)),
         Text.assemble(f"{', '.join(values[3:5]):<33} ", ("ws ed", _KEY)),
@@ -118,7 +118,7 @@ def _head(view: View, width: int, right: str) -> Text:
 
 def _reason(view: View, width: int) -> list[Text]:
     """Return two lines, whatever the reason's length."""
-    style = "" if view.tally.held is not None else _DIM
+    style = "" if view.stats.held is not None else _DIM
     room = max(width - 2, 10)
     rows = textwrap.wrap(view.reason, room, max_lines=2, placeholder=" …")
     return [Text("  " + row, style) for row in (rows + ["", ""])[:2]]

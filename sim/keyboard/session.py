@@ -9,7 +9,7 @@ from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.picture import key_lines, painted, picture
 from sim.keyboard.shown import View, plain_line
 from sim.keyboard.signals import Signals
-from sim.keyboard.tally import Tally
+from sim.keyboard.stats import Stats
 from sim.keyboard.terminal import Keys, PlainScreen, Screen, taken
 from sim.loop.loop import Frame
 
@@ -91,7 +91,7 @@ class Session:
         on_frame: Called with every frame, to keep or record it.
 
     Attributes:
-        tally, pacer: Figures so far.
+        stats, pacer: Figures so far.
         ended: "seconds", "q" or the name of a signal; None while it runs.
     """
 
@@ -103,7 +103,7 @@ class Session:
         on_frame: Callable[[Frame], None] = lambda frame: None,
     ) -> None:
         self.loop, self.arm, self.setting, self.on_frame = loop, arm, setting, on_frame
-        self.tally = Tally(setting.rate_hz)
+        self.stats = Stats(setting.rate_hz)
         self.pacer = Pacer(1.0 / setting.rate_hz)
         self.ended: str | None = None
         self.paused = self.help = False
@@ -139,7 +139,7 @@ class Session:
             elif key in (PAUSE, HELP):
                 self._switch("paused" if key == PAUSE else "help")
         limit = self.setting.seconds
-        if limit is not None and self.tally.frames >= limit * self.setting.rate_hz:
+        if limit is not None and self.stats.frames >= limit * self.setting.rate_hz:
             self.ended = "seconds"
         # no more keys can come: the same as being hung up on
         self.ended = signals.ended or ("SIGHUP" if keys.closed else self.ended)
@@ -151,7 +151,7 @@ class Session:
             self._draw(screen)
             return
         frame = self.loop.frame()
-        self.tally.take(frame)
+        self.stats.take(frame)
         self.on_frame(frame)
         self._draw(screen)
         self.pacer.wait(lambda: bool(signals.ended or signals.suspended))
@@ -174,13 +174,13 @@ class Session:
 
     def _view(self) -> View:
         setting, share = self.setting, None
-        if setting.blocked is not None and setting.edges and self.tally.last:
+        if setting.blocked is not None and setting.edges and self.stats.last:
             share = setting.blocked() / setting.edges
-        self.tally.explain()
+        self.stats.explain()
         return View(
             title=setting.title,
             rate_hz=setting.rate_hz,
-            tally=self.tally,
+            stats=self.stats,
             arm=self.arm.state,
             limits=self.arm.limits,
             blocked=share,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sim.keyboard.bindings import SLIDERS
 from sim.keyboard.control import NUDGES, ArmLimits, ArmState
-from sim.keyboard.tally import Tally
+from sim.keyboard.stats import Stats
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,7 +15,7 @@ class View:
     Attributes:
         title: Name of the robot.
         rate_hz: Frames per second.
-        tally: Figures so far.
+        stats: Figures so far.
         arm, limits: The person's arm and its bounds.
         blocked: Share of the roadmap's edges that are blocked, None if unknown.
         edges: How many edges there are.
@@ -25,7 +25,7 @@ class View:
 
     title: str
     rate_hz: float
-    tally: Tally
+    stats: Stats
     arm: ArmState
     limits: ArmLimits
     blocked: float | None = None
@@ -38,52 +38,52 @@ class View:
     @property
     def status(self) -> str:
         """The planner's status; a new path is shown long enough to be seen."""
-        if self.tally.last is None:
+        if self.stats.last is None:
             return "starting"
-        status = self.tally.last.answer.status
-        return "replanned" if status == "following" and self.tally.replanned else status
+        status = self.stats.last.answer.status
+        return "replanned" if status == "following" and self.stats.replanned else status
 
     @property
     def state(self) -> str:
         """What the loop does, for the head of the screen."""
         if self.paused:
             return "paused"
-        held = self.tally.held
+        held = self.stats.held
         return self.status if held is None else f"holding for {held:.1f} s"
 
     @property
     def reason(self) -> str:
         """Why it holds, or why it did."""
-        last = self.tally.last_hold
-        if self.tally.held is not None:
-            return str(self.tally.hold_reason)
+        last = self.stats.last_hold
+        if self.stats.held is not None:
+            return str(self.stats.hold_reason)
         if last is None:
             return "no hold so far"
-        return f"held {last[1]:.1f} s, {last[0]:.0f} s ago: {self.tally.hold_reason}"
+        return f"held {last[1]:.1f} s, {last[0]:.0f} s ago: {self.stats.hold_reason}"
 
     @property
     def clock(self) -> str:
         """Time of the simulation as minutes and seconds."""
-        minutes, seconds = divmod(self.tally.frames / self.rate_hz, 60)
+        minutes, seconds = divmod(self.stats.frames / self.rate_hz, 60)
         return f"{int(minutes)}:{int(seconds):02d}"
 
     @property
     def separation(self) -> str:
         """Separation now and the smallest so far."""
-        last = self.tally.last
+        last = self.stats.last
         now = math.inf if last is None else last.separation
-        return f"{_cm(now)}, smallest {_cm(self.tally.smallest)}"
+        return f"{_cm(now)}, smallest {_cm(self.stats.smallest)}"
 
     @property
     def speed(self) -> str:
         """Speed of the robot's fastest point."""
-        last = self.tally.last
+        last = self.stats.last
         return f"{0.0 if last is None else last.point_speed:.2f} m/s"
 
     @property
     def latency(self) -> str:
         """Latency of the planner's step so far."""
-        p50, p99 = (self.tally.latency.percentile(share) for share in (0.5, 0.99))
+        p50, p99 = (self.stats.latency.percentile(share) for share in (0.5, 0.99))
         return f"p50 {_time(p50)}, p99 {_time(p99)}"
 
     @property
@@ -122,10 +122,10 @@ def plain_line(view: View) -> str:
         f"separation {view.separation}",
         f"latency {view.latency}",
         f"blocked {view.blocked_percent}",
-        f"trips {view.tally.trips}",
+        f"trips {view.stats.trips}",
         f"missed {view.late}",
     ]
-    reason = [] if view.tally.held is None else [view.reason]
+    reason = [] if view.stats.held is None else [view.reason]
     return "; ".join(parts + reason)
 
 

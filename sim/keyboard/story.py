@@ -5,15 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from handover import Human
 from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.live import KEPT_S
 from sim.keyboard.session import Session, Setting
 from sim.keyboard.terminal import open_terminal
 from sim.loop.loop import Frame
-from sim.people.arm import HumanArm
-from sim.people.arm_path import Person
-from sim.people.whole_person import BASE_HEIGHT, WholePerson
+from sim.people.whole_person import WholePerson, arm_at
 from sim.story.play import RATE, StoryMoment, StoryPlay, StoryResult
 
 DISTANCE = 0.95  # [m] where the person stands
@@ -33,9 +30,7 @@ class KeyboardStory:
 
     def __init__(self, seconds: float) -> None:
         self.seconds, self.ended = min(seconds, KEPT_S), ""
-        body = Human().placed(DISTANCE, 0.0, np.pi)
-        shoulder = body.T_world_shoulder("right")[:3, 3] - [0.0, 0.0, BASE_HEIGHT]
-        self.arm = KeyboardArm(Person(HumanArm.sized(), tuple(shoulder.tolist())))
+        self.arm = KeyboardArm(arm_at(DISTANCE))
         self.person = WholePerson(self.arm)
 
     def open(self) -> None:

@@ -34,6 +34,8 @@ from sim.story.request import ARMAR3, PANDA
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
 HEIGHTS = 1.55, 1.90  # of the person [m]
 _TIP = 0.02  # [m] from the tool to the end of the jaw that the fingers hold
+_DRAWS = 40  # places of the ladder that are looked at
+_APART = 0.05  # [m] of a tool that is held out from the person's arm at rest
 _END = 0.11  # [m] from the middle of the wrench to that end
 
 
@@ -217,36 +219,31 @@ def _length(tool: HeldObject) -> float:
 
 
 def case_in_reach(
-    setups: tuple[ToolSetup, ...],
-    seed: int,
-    draws: int = 40,
-    apart: float = 0.05,
-    at: WorkPlace = BESIDE_PANDA,
+    setups: tuple[ToolSetup, ...], seed: int, at: WorkPlace = BESIDE_PANDA
 ) -> LadderCase:
     """Return the first case of a seed in which both ways are in reach, for each tool.
 
     Told by exact inverse kinematics before the run; see `sim.story.cases.in_reach`. A
-    tool is held out where it is `apart` [m] from the person's arm at rest: the
-    simulated person would draw the arm through it. BadInput where none of so many
-    `draws` is.
+    tool is held out where it is `_APART` from the person's arm at rest: the
+    simulated person would draw the arm through it. BadInput where none of `_DRAWS` is.
     """
-    for draw in range(draws):
+    for draw in range(_DRAWS):
         case = LadderCase.drawn_at(seed, draw, at)
-        if all(_goes_both_ways(setup, case, apart) for setup in setups):
+        if all(_goes_both_ways(setup, case) for setup in setups):
             return case
     raise BadInput(
-        f"none of {draws} places of the ladder is in reach of the robot for seed "
+        f"none of {_DRAWS} places of the ladder is in reach of the robot for seed "
         f"{seed}; give another seed, or a robot with a longer arm"
     )
 
 
-def _goes_both_ways(setup: ToolSetup, case: LadderCase, apart: float) -> bool:
+def _goes_both_ways(setup: ToolSetup, case: LadderCase) -> bool:
     """Whether a tool can be held out, be let go of, and be given."""
     found = in_reach(setup, case.of("receive"))
     if found is None:
         return False
     tool = moved_rods(setup.obj.capsules, found.target.T_world_object)
     at_rest = case.body().capsules()
-    if min(capsule_gap(a, b) for a in tool for b in at_rest) < apart:
+    if min(capsule_gap(a, b) for a in tool for b in at_rest) < _APART:
         return False
     return in_reach(setup, case.of("give")) is not None

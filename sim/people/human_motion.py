@@ -48,13 +48,8 @@ def sweep(person: Person, rng: np.random.Generator) -> ScriptedMotion:
 
 def reach(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Let the hand reach into the space and back, each with a peak of about 1 m/s."""
-    limit = person.max_speed or 1.0
-    script = Round(person, ASIDE, limit)
-    for _ in range(8):
-        script.move(_in_work_space(rng), rng.uniform(0.2, 0.8), rng.uniform(0.85, 1.0))
-        script.move(ASIDE, rng.uniform(0.8, 2.0), rng.uniform(0.6, 0.9))
-    script.close(1.0)
-    return script.motion("reach", limit)
+    there, back = ((0.2, 0.8), (0.85, 1.0)), ((0.8, 2.0), (0.6, 0.9))
+    return _in_and_out("reach", person, rng, 1.0, 8, there, back)
 
 
 def jitter(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -86,13 +81,30 @@ def _amplitude(limit: float, rng: np.random.Generator) -> np.ndarray:
 
 def hover(person: Person, rng: np.random.Generator) -> ScriptedMotion:
     """Let the hand rest in the way for some seconds, then move away."""
-    limit = person.max_speed or 0.8
+    there, back = ((2.0, 5.0), (0.5, 1.0)), ((2.0, 4.0), (0.5, 1.0))
+    return _in_and_out("hover", person, rng, 0.8, 5, there, back)
+
+
+def _in_and_out(
+    name: str,
+    person: Person,
+    rng: np.random.Generator,
+    limit: float,
+    times: int,
+    there: tuple,
+    back: tuple,
+) -> ScriptedMotion:
+    """Return a hand that goes to and fro between the robot's work place and aside.
+
+    `there` and `back` are the ranges of each rest [s] and share of the speed limit.
+    """
+    limit = person.max_speed or limit
     script = Round(person, ASIDE, limit)
-    for _ in range(5):
-        script.move(_in_work_space(rng), rng.uniform(2.0, 5.0), rng.uniform(0.5, 1.0))
-        script.move(ASIDE, rng.uniform(2.0, 4.0), rng.uniform(0.5, 1.0))
+    for _ in range(times):
+        for place, ranges in ((_in_work_space(rng), there), (ASIDE, back)):
+            script.move(place, *(rng.uniform(*one) for one in ranges))
     script.close(1.0)
-    return script.motion("hover", limit)
+    return script.motion(name, limit)
 
 
 def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
@@ -149,13 +161,8 @@ def _in_work_space(rng: np.random.Generator) -> tuple[float, float, float]:
 
 MotionSource = Callable[[Person, np.random.Generator], HumanMotion]
 _SOURCES: dict[str, MotionSource] = {
-    "sweep": sweep,
-    "reach": reach,
-    "jitter": jitter,
-    "hover": hover,
-    "intrusion": intrusion,
-    "tremble": tremble,
-    "crowding": crowding,
+    source.__name__: source
+    for source in (sweep, reach, jitter, hover, intrusion, tremble, crowding)
 }
 
 

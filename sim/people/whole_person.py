@@ -94,7 +94,6 @@ class WholePerson:
         motion: Of one arm: two capsules, its trunk facing -x of the base.
         height: Of the body [m].
         walk: Where the body stands, on its floor; None: behind the arm's shoulder.
-        base_height: Of the robot's base above that floor [m].
 
     Raises:
         BadInput: More or less than one arm.
@@ -105,7 +104,6 @@ class WholePerson:
         motion: HumanMotion,
         height: float = 1.75,
         walk: Walk | None = None,
-        base_height: float = BASE_HEIGHT,
     ) -> None:
         n = len(motion.capsules(0.0))
         if n != 2:
@@ -114,7 +112,7 @@ class WholePerson:
                 "one arm: choose sweep, reach, jitter, hover, intrusion, tremble, "
                 "mocap or keyboard"
             )
-        self.motion, self.walk, self.base_height = motion, walk, base_height
+        self.motion, self.walk = motion, walk
         self._standing = Human(height)
         self._last: tuple[float, Human] | None = None
 
@@ -152,7 +150,7 @@ class WholePerson:
             distance, bearing = self.walk.at(t)
             x, y = distance * np.cos(bearing), distance * np.sin(bearing)
             body = body.placed(x, y, bearing + np.pi)
-            off = np.array([0.0, 0.0, -self.base_height])
+            off = np.array([0.0, 0.0, -BASE_HEIGHT])
         T = body.T_world_pelvis.copy()
         T[:3, 3] += off
         return body.moved(T).looking_at(LOOKED_AT)
@@ -163,9 +161,6 @@ class RecordedPerson:
 
     The planner sees what the tracker knows, parts that it does not see grown by their
     age; the workspace sees the person as they probably are.
-
-    Args:
-        motion: The recording.
 
     Raises:
         BadInput: The recording does not show a whole arm and the trunk.
@@ -198,7 +193,6 @@ def scripted_person(
     name: str,
     seed: int = 0,
     distances: tuple[float, float] = (NEAR, FAR),
-    height: float = 1.75,
 ) -> WholePerson:
     """Return a scripted arm as a whole person who walks between two distances.
 
@@ -206,14 +200,17 @@ def scripted_person(
         name: Of the motion; see `sim.people.human_motion.motion_names`.
         seed: Of the arm's motion, and of the walk.
         distances: Least and largest distance of the pelvis from the robot's base [m].
-        height: Of the person [m].
 
     Raises:
         BadInput: An unknown motion or one of several people, distances that are none.
     """
     walk = Walk.drawn(*distances, np.random.default_rng(seed))
-    middle = float(np.mean(distances))
-    body = Human(height).placed(middle, 0.0, np.pi)
+    arm = arm_at(float(np.mean(distances)))
+    return WholePerson(make_motion(name, seed, arm), walk=walk)
+
+
+def arm_at(distance: float) -> Person:
+    """Return the right arm of who stands so far [m] before the robot, facing it."""
+    body = Human().placed(distance, 0.0, np.pi)
     shoulder = body.T_world_shoulder("right")[:3, 3] - [0.0, 0.0, BASE_HEIGHT]
-    arm = Person(HumanArm.sized(height), tuple(shoulder.tolist()))
-    return WholePerson(make_motion(name, seed, arm), height, walk)
+    return Person(HumanArm.sized(), tuple(shoulder.tolist()))

@@ -3,14 +3,13 @@
 from sim.record.again import run_again
 from sim.record.compare import Difference, first_difference
 from sim.record.file import is_record, read_record, write_record
-from sim.record.recorder import Recorder, check_recording_path, recording
+from sim.record.recorder import Recorder, recording
 from sim.record.run_record import RunRecord
 
 __all__ = [
     "Difference",
     "Recorder",
     "RunRecord",
-    "check_recording_path",
     "first_difference",
     "is_record",
     "read_record",

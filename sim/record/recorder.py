@@ -11,7 +11,6 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import BRAKED, MOVING, RETREATING, SLOWED, STANDING
-from roadmap import unfinished
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop
@@ -265,23 +264,6 @@ def versions() -> dict[str, str]:
     for name in PACKAGES:
         found[name] = version(name) or "not installed"
     return found
-
-
-def check_recording_path(path: Path) -> None:
-    """Refuse a file that is no .npz or could not be written, before any work."""
-    if path.suffix != ".npz":
-        raise BadInput(f"the recording {path} does not end in .npz; name it RUN.npz")
-    if path.is_dir():
-        raise BadInput(f"the recording {path} is a folder; give the name of a file")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with unfinished.beside(path) as made:
-            made.touch()
-    except OSError as error:
-        raise BadInput(
-            f"the recording {path} cannot be written ({error.strerror}); choose "
-            "another folder"
-        ) from error
 
 
 @contextmanager

@@ -82,12 +82,7 @@ class RunRecord:
         return self.head["outcome"]["slow"]
 
     def person(self, name: str, i: int) -> np.ndarray:
-        """Return the (k, 7) capsules of frame i [m].
-
-        Args:
-            name: "capsules" or "guess".
-            i: Number of the frame.
-        """
+        """Return the (k, 7) "capsules" or "guess" of frame i [m]."""
         offsets = self.arrays.get(f"{name}_at")
         rows = self.arrays[name]
         return rows[i] if offsets is None else rows[offsets[i] : offsets[i + 1]]

@@ -1,7 +1,7 @@
 """`odm demo`: a robot at work while a person moves, with tables and pictures."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,27 +16,10 @@ from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings
 from sim.draw.world import SimulatorMissing, World
 from sim.loop.loop import LoopSettings, run_loop
-from sim.loop.run_result import RunResult
-from sim.people.human_motion import HumanMotion, make_motion
+from sim.people.human_motion import make_motion
 from sim.run.latency_plot import write_latency_plot
 from sim.run.places import DEMO, find_places, warm_up
 from sim.run.report import print_report
-
-
-@dataclass(frozen=True)
-class DemoFiles:
-    """What the demo wrote.
-
-    Attributes:
-        film, plot, record: Animation (GIF), latency plot (PNG), figures (JSON).
-        result, alone: The run, and the same one without a person.
-    """
-
-    film: Path
-    plot: Path
-    record: Path
-    result: RunResult
-    alone: RunResult
 
 
 def run_demo(
@@ -46,10 +29,11 @@ def run_demo(
     settings: LoopSettings = DEMO,
     film: FilmSettings | None = None,
     console: Console | None = None,
-) -> DemoFiles:
+) -> dict[str, Path]:
     """Run the loop with and without a person, print the tables, write the pictures.
 
-    The folder `out_dir` is made if it is not there. Returns the files and both runs.
+    The folder `out_dir` is made if it is not there. Returns the files: "film" (GIF),
+    "latency" (PNG) and "figures" (JSON).
     """
     console = console or Console()
     out = Path(out_dir)
@@ -57,10 +41,13 @@ def run_demo(
     cell_map = load_map(map_dir)
     planner = ReactivePlanner(cell_map)
     places = find_places(planner)
-    warm_up(planner, places, motion, settings)
+    human = make_motion(motion, settings.seed)
+    warm_up(planner, places, human, settings)
     console.print(f"[bold]{cell_map.robot.name}[/] at work, human motion: {motion}")
-    result, alone = run_pair(planner, places, motion, settings)
-    print_report([result], alone, cell_map.hash, console)
+    result = run_loop(planner, planner.robot, places, human, settings)
+    bare = replace(settings, keep_paths=0)
+    alone = run_loop(planner, planner.robot, places, None, bare)
+    print_report(result, alone, cell_map.hash, console)
     begun = time.perf_counter()
     world, note = open_world(cell_map)
     with world:
@@ -71,27 +58,10 @@ def run_demo(
     record.write_text(result.to_json(), encoding="utf-8")
     took = time.perf_counter() - begun
     console.print(note, f"Pictures took {took:.0f} s.")
-    for kind, file in (("film", path), ("latency", plot), ("figures", record)):
+    files = {"film": path, "latency": plot, "figures": record}
+    for kind, file in files.items():
         console.print(f"{kind:>8}: {file}", soft_wrap=True)
-    return DemoFiles(path, plot, record, result, alone)
-
-
-def run_pair(
-    planner: ReactivePlanner,
-    places: np.ndarray,
-    motion: str | HumanMotion,
-    settings: LoopSettings,
-) -> tuple[RunResult, RunResult]:
-    """Return a run with a person, and the same one without.
-
-    The path in use is forgotten first; a motion's name is seeded by the settings.
-    """
-    if isinstance(motion, str):
-        motion = make_motion(motion, settings.seed)
-    result = run_loop(planner, planner.robot, places, motion, settings)
-    bare = replace(settings, keep_paths=0)
-    alone = run_loop(planner, planner.robot, places, None, bare)
-    return result, alone
+    return files
 
 
 def open_world(

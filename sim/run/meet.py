@@ -32,12 +32,10 @@ from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
 from sim.loop.run_result import RunResult
-from sim.people.arm import HumanArm
-from sim.people.arm_path import Person
 from sim.people.whole_person import (
-    BASE_HEIGHT,
     RecordedPerson,
     WholePerson,
+    arm_at,
     scripted_person,
 )
 from sim.run import places
@@ -121,7 +119,7 @@ class MeetSetup:
         """Return a loop that has not begun, and its audit."""
         human = person.human(0.0)
         live = self.live(human, side)
-        loop = MeetLoop(live, self.rest, person, settings, None, dwell_s)
+        loop = MeetLoop(live, self.rest, person, settings, dwell_s)
         audit = TargetAudit(self.meet(human, side), self.cell_map, LIVE.from_rest)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
@@ -151,10 +149,7 @@ class MeetTask:
         """Return the whole person, checked."""
         asked = self.request
         if self.live is not None:
-            near = float(np.mean(asked.distances))
-            body = Human().placed(near, 0.0, np.pi)
-            shoulder = body.T_world_shoulder("right")[:3, 3] - [0.0, 0.0, BASE_HEIGHT]
-            return WholePerson(self.live.arm(Person(HumanArm.sized(), tuple(shoulder))))
+            return WholePerson(self.live.arm(arm_at(float(np.mean(asked.distances)))))
         if asked.motion != "mocap":
             person = scripted_person(asked.motion, asked.seed, asked.distances)
             if asked.hand == "left":
@@ -215,11 +210,7 @@ class MeetTask:
         brief = replace(settings, duration_s=places.REHEARSAL_S)
         loop, audit = setup.loop(person, self.side, brief)
         run_frames(loop, lambda frame: judge_sometimes(loop, audit, frame, 1.0))
-        target = next(iter(loop.live.meet.best(1)), None)
-        if target is not None:
-            loop.live.meet.rated([target.key])
-            loop.live.meet.reach.witness(target.T_world_tool)
-            loop.live.finder.near_node(target)
+        exercise_choice(loop.live)
 
     def hear(self, frame: Frame) -> None:
         """Audit the target pursued, from time to time; not where keys move the arm."""
@@ -235,8 +226,19 @@ class MeetTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables."""
-        print_report([result], None, self.cell_map.hash)
+        print_report(result, None, self.cell_map.hash)
         print_targets(figures["targets"])
+
+
+def exercise_choice(live: LiveTargets) -> None:
+    """Do what the live choice does at times only."""
+    target = next(iter(live.meet.best(1)), None)
+    if target is not None:
+        live.meet.rated([target.key])
+        live.meet.reach.witness(target.T_world_tool)
+        live.finder.near_node(target)
+        live.finder.work(target)
+    _ = live.meet.missing_m
 
 
 def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:

@@ -7,7 +7,7 @@ import numpy as np
 from handover import Human
 from handover.targets.live_targets import THERE, WITHDRAWN, LiveTargets, Pursuit
 from roadmap.kinematics.forward import difference, tool_pose
-from sim.loop.loop import ARRIVED, Audit, Loop, LoopSettings
+from sim.loop.loop import ARRIVED, Loop, LoopSettings
 
 
 class MeetPlanner:
@@ -15,10 +15,6 @@ class MeetPlanner:
 
     It answers `set_goals` by nothing: the targets are the goals. All else is the
     planner's.
-
-    Args:
-        live: The targets and the planner.
-        human_at: Time [s] -> the person.
 
     Attributes:
         human: The person of the last frame; None before the first one.
@@ -51,7 +47,6 @@ class MeetLoop(Loop):
         rest: (dof,) where the robot begins and waits.
         person: A motion with `human(t)`.
         settings: Rate, duration, speeds.
-        audit: As of `Loop`.
         dwell_s: For how long it has to be at a target, without a break, for the
             hand-over; then it goes back to `rest`, and comes again [s]. None: it stays.
 
@@ -68,12 +63,11 @@ class MeetLoop(Loop):
         rest: np.ndarray,
         person: object,
         settings: LoopSettings | None = None,
-        audit: Audit | None = None,
         dwell_s: float | None = None,
     ) -> None:
         planner = MeetPlanner(live, person.human)
         robot, places = live.planner.robot, np.array([rest, rest])
-        super().__init__(planner, robot, places, person, settings, audit)
+        super().__init__(planner, robot, places, person, settings)
         self.live = live
         self.pursuits: list[Pursuit] = []
         self.tools: dict[int, np.ndarray] = {}

@@ -145,7 +145,7 @@ def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     targets = LiveTargets(planner, meet, rest, index, live)
     how = known(LoopSettings, head["settings"])
-    return MeetLoop(targets, rest, person, how, None, told["dwell_s"])
+    return MeetLoop(targets, rest, person, how, told["dwell_s"])
 
 
 def _with_rows(table: dict) -> dict:

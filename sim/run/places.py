@@ -56,7 +56,7 @@ class PlacesTask:
         """Compile everything, then return a loop whose planner knows nothing of it."""
         if self.live is None:
             person = before_work_places(person, self._planner.robot, self.places)
-        stand_in = person if self.live is None else "reach"
+        stand_in = person if self.live is None else make_motion("reach")
         warm_up(self._planner, self.places, stand_in, settings)
         self._planner, robot = self._new_planner()
         return Loop(self._planner, robot, self.places, person, settings)
@@ -83,7 +83,7 @@ class PlacesTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables."""
-        print_report([result], self._alone, self.cell_map.hash)
+        print_report(result, self._alone, self.cell_map.hash)
 
 
 def set_up_scene(planner: ReactivePlanner, path: Path | None) -> None:
@@ -118,13 +118,12 @@ def find_places(planner: ReactivePlanner) -> np.ndarray:
 def warm_up(
     planner: ReactivePlanner,
     places: np.ndarray,
-    motion: str | HumanMotion,
+    human: HumanMotion,
     settings: LoopSettings,
 ) -> None:
     """Run a few frames so that everything is compiled before time is measured."""
     exercise(planner.cell_map)
     brief = replace(settings, duration_s=REHEARSAL_S, keep_paths=0)
-    human = make_motion(motion) if isinstance(motion, str) else motion
     run_loop(planner, planner.robot, places, human, brief)
     tool = tool_pose(planner.robot, places[0])[:3, 3]
     touching = Obstacles(capsules=np.r_[tool, tool, 0.05][None])

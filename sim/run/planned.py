@@ -30,9 +30,6 @@ class PlanTask:
     It begins where the giver has lifted the object, or as soon after that on its way
     as the map's clearance allows, and ends with the object on offer.
 
-    Args:
-        request: What was asked for.
-
     Attributes:
         cell_map: The map, once it was opened.
         places: (2, dof) where it begins and where it hands over.
@@ -137,7 +134,7 @@ class PlanTask:
 
     def show(self, result: RunResult, figures: dict) -> None:
         """Print the tables, and what became of the hand-over."""
-        print_report([result], None, self.cell_map.hash)
+        print_report(result, None, self.cell_map.hash)
         told = figures["plan"]
         offered = told["offered_s"]
         what = (

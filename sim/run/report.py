@@ -1,7 +1,6 @@
 """Tables of a run for the terminal: latency, safety, holds, and the machine."""
 
 import platform
-from collections.abc import Sequence
 
 from rich.console import Console, Group
 from rich.table import Table
@@ -16,28 +15,28 @@ PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
 
 
 def print_report(
-    results: Sequence[RunResult],
+    result: RunResult,
     alone: RunResult | None = None,
     map_hash: str = "",
     console: Console | None = None,
 ) -> None:
     """Print all tables; `alone` is a run without a person, to compare trips."""
-    shown: list = [Fitted(safety_table(results, alone))]
-    if any(result.holds for result in results):
-        shown.append(Fitted(hold_table(results)))
-    shown += [text for result in results for text in begun_inside(result)]
-    shown += [Fitted(latency_table(result)) for result in results]
+    shown: list = [Fitted(safety_table(result, alone))]
+    if result.holds:
+        shown.append(Fitted(hold_table(result)))
+    if result.frames and result.separation[0] <= 0:
+        shown.append(begun_inside(result))
+    shown.append(Fitted(latency_table(result)))
     spaced = [part for each in shown for part in (each, "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 
-def safety_table(results: Sequence[RunResult], alone: RunResult | None = None) -> Table:
-    """Return contacts, separation, trips and path changes, a column for each motion."""
+def safety_table(result: RunResult, alone: RunResult | None) -> Table:
+    """Return contacts, separation, trips and path changes."""
     table = _table("Safety, by the exact audit of every frame")
     table.add_column("")
-    columns = [_safety_column(result, alone) for result in results]
-    for result in results:
-        table.add_column(result.motion, justify="right")
+    table.add_column(result.motion, justify="right")
+    columns = [_safety_column(result, alone)]
     if alone is not None:
         table.add_column("nobody", justify="right")
         columns.append(_safety_column(alone, None))
@@ -46,28 +45,25 @@ def safety_table(results: Sequence[RunResult], alone: RunResult | None = None) -
     return table
 
 
-def hold_table(results: Sequence[RunResult], most: int = 3) -> Table:
+def hold_table(result: RunResult) -> Table:
     """Return the reasons of the longest holds."""
     table = _table("Why the robot held")
     table.add_column("motion")
     table.add_column("times", justify="right")
     table.add_column("seconds", justify="right")
     table.add_column("reason, the first of its kind")
-    for result in results:
-        for reason, count, seconds in result.hold_reasons(most):
-            table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
+    for reason, count, seconds in result.hold_reasons():
+        table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
     return table
 
 
-def begun_inside(result: RunResult) -> list[str]:
-    """Say that robot and person began within each other, if so: a run of no worth."""
-    if not result.frames or result.separation[0] > 0:
-        return []
-    return [
+def begun_inside(result: RunResult) -> str:
+    """Say that robot and person began within each other: a run of no worth."""
+    return (
         f"Person and robot begin {abs(100 * result.separation[0]):.1f} cm inside each "
         f"other, so {result.motion} shows little of this robot; a recorded person can "
         "stand elsewhere (--motion mocap --stand)"
-    ]
+    )
 
 
 def latency_table(result: RunResult) -> Table:

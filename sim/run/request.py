@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sim.terminal.checks import (
     FILM,
@@ -26,7 +26,7 @@ from sim.terminal.flags import (
     Seed,
     Token,
     flag,
-    flags_of,
+    goes_with,
 )
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class RunRequest:
             self._of_the_person()
             or self._of_the_targets()
             or self._of_the_plan()
-            or page_trouble(self.view, self.port, self.host, self.token)
+            or page_trouble(self)
         )
         if trouble:
             raise BadInput(trouble)
@@ -181,20 +181,18 @@ class RunRequest:
 
     def _of_the_person(self) -> str:
         """Return what is wrong with the motion's options, "" for nothing."""
-        if self.no_yield and self.execution != "timed":
-            return "--no-yield goes with --execution timed; leave it out"
+        if self.execution != "timed":
+            told = goes_with(self, ("no_yield",), "--execution timed", "leave it out")
+            if told:
+                return told
         if self.motion == "mocap" and self.file is None:
             return "--motion mocap plays a recording; name it with --file F"
         if self.motion != "mocap" and self.file is not None:
             return f"--file goes with --motion mocap, not with {self.motion}"
         if self.motion != "mocap":
-            of_it = {"mapping": self.mapping, "stand": self.stand}
-            of_it["accept-defects"] = self.accept_defects or None
-            for name, value in of_it.items():
-                if value is not None:
-                    return (
-                        f"--{name} goes with --motion mocap; add that or leave it out"
-                    )
+            names = ("mapping", "stand", "accept_defects")
+            if told := goes_with(self, names, "--motion mocap"):
+                return told
         pictures = {"--out": self.out, "--plot": self.plot}
         pictures["--animation"] = self.animation
         asked = [name for name, path in pictures.items() if path is not None]
@@ -215,11 +213,7 @@ class RunRequest:
         if self.targets not in ("places", "meet"):
             return f"--targets is {self.targets!r}: choose places or meet"
         if not self.meets:
-            given = [n for n in _MEET_ONLY if getattr(self, n) is not None]
-            if not given:
-                return ""
-            flag_given = flags_of(RunRequest)[given[0]]
-            return f"{flag_given} goes with --targets meet; add that or leave it out"
+            return goes_with(self, _MEET_ONLY, "--targets meet")
         check_object(self.obj)
         if self.hand not in (None, "left", "right"):
             return f"--side is {self.hand!r}: choose left or right"
@@ -232,8 +226,8 @@ class RunRequest:
     def _of_the_plan(self) -> str:
         """Return what is wrong with the plan's options, "" for nothing."""
         if self.plan is None:
-            given = [n for n in ("early", "elsewhere") if getattr(self, n) is not None]
-            return f"--{given[0]} goes with --plan JSON; add that" if given else ""
+            names = ("early", "elsewhere")
+            return goes_with(self, names, "--plan JSON", "add that")
         if self.motion != "sweep" or self.meets or self.carry is not None:
             return (
                 "with --plan the plan says who moves, where to and what is held; leave "
@@ -299,19 +293,14 @@ def file_trouble(file: Path | None, mapping: Path | None) -> str:
     return ""
 
 
-def page_trouble(
-    view: bool, port: int | None, host: str | None, token: str | None
-) -> str:
-    """Return what is wrong with a page's options, "" for nothing."""
-    if view:
-        from sim.view.gate import LOCAL, PORT, listening
-        from sim.view.viewer import check_viewer
+def page_trouble(request: Any) -> str:
+    """Return what is wrong with the page's options of a request, "" for nothing."""
+    if not request.view:
+        return goes_with(request, ("port", "host", "token"), "--view")
+    from sim.view.gate import LOCAL, PORT, listening
+    from sim.view.viewer import check_viewer
 
-        check_viewer()
-        listening(host or LOCAL, PORT if port is None else port).close()
-        return ""
-    asked = {"port": port, "host": host, "token": token}
-    given = [name for name, value in asked.items() if value is not None]
-    if not given:
-        return ""
-    return f"--{given[0]} goes with --view; add that or leave it out"
+    check_viewer()
+    port = PORT if request.port is None else request.port
+    listening(request.host or LOCAL, port).close()
+    return ""

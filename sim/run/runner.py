@@ -17,7 +17,7 @@ from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult, stretches
 from sim.people.human_motion import HumanMotion
-from sim.record import check_recording_path, recording
+from sim.record import recording
 from sim.run.meet import MeetTask
 from sim.run.meet_record import TargetColumns
 from sim.run.places import DEMO, PlacesTask
@@ -44,8 +44,6 @@ def run(request: RunRequest, live: object | None = None) -> dict:
     task = task_of(request, live)
     person = task.person()
     settings = settings_of(request, person)
-    if request.record is not None:
-        check_recording_path(request.record)
     if live is not None:
         silence()
         live.open()
@@ -228,8 +226,6 @@ def write_files(
     film = request.picture(request.animation, ".gif")
     figures = request.picture(None, ".json")
     written = [path for path in (plot, film, figures) if path is not None]
-    for path in written:
-        path.parent.mkdir(parents=True, exist_ok=True)
     if plot is not None:
         from sim.run.latency_plot import write_latency_plot
 

@@ -179,10 +179,6 @@ class StoryEvent:
 class Machine:
     """Goes through a table.
 
-    Args:
-        rows: The table.
-        state: Where it begins.
-
     Attributes:
         state: Where it is.
         since: When it came there [s].
@@ -209,12 +205,7 @@ class Machine:
         return self.state in ENDS
 
     def step(self, signals: Collection[str], now: float) -> Row | None:
-        """Take the first row that begins here and whose signal holds; return it.
-
-        Args:
-            signals: Names of what holds in this frame.
-            now: The time [s].
-        """
+        """Take the first row that begins here and whose signal holds; return it."""
         for row in self.rows:
             if row.state == self.state and row.signal in signals:
                 self.state, self.since, self.reason = row.then, now, row.reason

@@ -1,24 +1,19 @@
 """The page beside `odm demo handover`: each moment, at the clock's pace."""
 
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 
 from roadmap.geometry.gaps import moved_rods
-from sim.draw.surroundings import scene_of
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.story.play import RATE, StoryMoment, StoryPlay
-from sim.view.gate import LOCAL, PORT
-from sim.view.running import Pace
-from sim.view.viewer import Viewer
+from sim.view.running import LivePage
 
 
-class StoryPage:
-    """A story that is watched; a context manager.
+class StoryPage(LivePage):
+    """A story that is watched.
 
-    Port, host and token as of `sim.Viewer`. `hear` waits for the clock where it is
-    `paced`; else somebody else does.
+    `hear` waits for the clock where it is `paced`; else somebody else does.
     """
 
     def __init__(
@@ -30,26 +25,11 @@ class StoryPage:
         paced: bool = True,
     ) -> None:
         self.run, self._paced = run, paced
-        cell_map = run.setup.cell_map
-        self.viewer = Viewer(
-            cell_map,
-            host=host or LOCAL,
-            port=PORT if port is None else port,
-            token=token,
-            rate_hz=RATE,
-            label=f"{cell_map.robot.name}: {run.case.direction}",
-            standing=scene_of(run.planner),
-        )
+        cell_map, where = run.setup.cell_map, (port, host, token)
+        label = f"{cell_map.robot.name}: {run.case.direction}"
+        super().__init__(cell_map, run.planner, where, rate_hz=RATE, label=label)
         self._rows = np.zeros((0, 5))
         self._told = 0  # events
-        self._pace = Pace()
-        print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
-
-    def __enter__(self) -> "StoryPage":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.viewer.close()
 
     def hear(self, moment: StoryMoment) -> None:
         """Show a moment, and wait until the clock has come as far."""

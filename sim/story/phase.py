@@ -8,7 +8,7 @@ An object that somebody pushes against a waiting robot is no part of the person:
 retreat may begin within its clearance, even in touch with the cover, if nothing but the
 pads comes nearer to it. From the person a retreat keeps what it always keeps. On its
 way the robot keeps the whole clearance from where the object is, but only
-`object_keeps` from where it can be by the end of a stop: else it would hardly move
+`OBJECT_KEEPS` from where it can be by the end of a stop: else it would hardly move
 beside it.
 
 An object in its place touches what it stands on. So on a straight motion to the place
@@ -28,14 +28,13 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
 
+# Kept from wherever an object that is held out can be while the robot stops [m]. More:
+# it stops earlier before one that moves.
+OBJECT_KEEPS = 0.005
+
 
 class PhasePlanner:
     """A planner whose tests of stops know the phase.
-
-    Args:
-        planner: The planner.
-        object_keeps: Distance kept from wherever an object that is held out can be
-            while the robot stops [m]. More: it stops earlier before one that moves.
 
     Attributes:
         phase: "give", "receive" or None.
@@ -53,8 +52,8 @@ class PhasePlanner:
             is held may touch the scenery on them.
     """
 
-    def __init__(self, planner: ReactivePlanner, object_keeps: float = 0.005) -> None:
-        self.planner, self.object_keeps = planner, object_keeps
+    def __init__(self, planner: ReactivePlanner) -> None:
+        self.planner = planner
         self.phase: str | None = None
         self.classes = np.zeros(0, np.int8)
         self.offered = 0
@@ -123,7 +122,7 @@ class PhasePlanner:
         Or by which it comes nearer than m to where the person can be.
         """
         people, there = self._parted(points)
-        closer = max(self.planner.cell_map.safety.m - self.object_keeps, 0.0)
+        closer = max(self.planner.cell_map.safety.m - OBJECT_KEEPS, 0.0)
         told = (people, extra), (there, extra - closer)
         legs = [self.planner.blocked_leg(path, more, who) for who, more in told]
         return min((leg for leg in legs if leg is not None), default=None)

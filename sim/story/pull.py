@@ -47,9 +47,6 @@ class PullSettings(CheckedSettings):
 class PullDetector:
     """Tells a pull that lasts from noise and bumps.
 
-    Args:
-        settings: See PullSettings.
-
     Attributes:
         force: Of the last frame, beyond the force at rest, averaged [N].
         lasted: For how long it has been above the threshold [s].

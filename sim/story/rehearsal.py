@@ -8,43 +8,29 @@ from odm.checks import AVOID, CONTACT, OBJECT
 from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import tool_pose
 from sim.loop.warmup import exercise
+from sim.run.meet import exercise_choice
 from sim.story.cases import StoryCase, StorySetup
 from sim.story.machine import DIRECTIONS
 from sim.story.play import StoryPlay, play
 
+_SECONDS = 1.0  # that are played in each direction
 _CLASSES = {"give": CONTACT, "receive": OBJECT}
 
 
-def rehearse(setup: StorySetup, seconds: float = 1.0) -> None:
+def rehearse(setup: StorySetup) -> None:
     """Compile and load what the frames of a setup's runs may call.
 
     Loading compiled code takes 5 to 30 ms at its first call, compiling it seconds: in
     whatever frame first rates a target again, or finds no place to go to.
-
-    Args:
-        setup: What the runs share.
-        seconds: That are played in each direction [s].
     """
     exercise(setup.cell_map)
     for direction in DIRECTIONS:
         run = StoryPlay(setup, StoryCase(direction))
-        play(run, seconds)
-        _choose(run)
+        play(run, _SECONDS)
+        exercise_choice(run.story.targets)
         _touch(run)
     gc.collect()
     gc.freeze()  # a collection of all that was loaded would be some frame's
-
-
-def _choose(run: StoryPlay) -> None:
-    """Do what the live choice does at times only."""
-    live = run.story.targets
-    target = next(iter(live.meet.best(1)), None)
-    if target is not None:
-        live.meet.rated([target.key])
-        live.meet.reach.witness(target.T_world_tool)
-        live.finder.near_node(target)
-        live.finder.work(target)
-    _ = live.meet.missing_m
 
 
 def _touch(run: StoryPlay) -> None:

@@ -16,6 +16,7 @@ from sim.terminal.flags import (
     Token,
     argument,
     flag,
+    goes_with,
 )
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
@@ -128,15 +129,13 @@ class DemoRequest:
         only = ("direction", "human", "file", "mapping", "reach", "map_dir")
         only = (*only, "pads", "record", "film", "object", "mass", "scale")
         if self.story == WORK:
-            given = [n for n in only if getattr(self, n) is not None]
-            given += [n for n in ("accept_defects", "view") if getattr(self, n)]
-            if given:
-                word = given[0].replace("map_dir", "map").replace("_", "-")
-                return f"--{word} goes with `odm demo handover`; leave it out"
-            return page_trouble(False, self.port, self.host, self.token)
-        if self.object is None and (self.mass or self.scale):
-            word = "scale" if self.mass is None else "mass"
-            return f"--{word} goes with --object FILE; leave it out"
+            only = (*only, "accept_defects", "view")
+            what = "`odm demo handover`"
+            return goes_with(self, only, what, "leave it out") or page_trouble(self)
+        if self.object is None:
+            names = ("mass", "scale")
+            if told := goes_with(self, names, "--object FILE", "leave it out"):
+                return told
         if self.direction not in (None, "give", "receive"):
             return f"--direction is {self.direction!r}: choose give or receive"
         if self.human not in (None, "scripted", MOCAP, KEYBOARD):
@@ -145,14 +144,13 @@ class DemoRequest:
             return "the keys' person takes, and cannot give: leave --direction out"
         if (self.human == "mocap") != (self.file is not None):
             return "--human mocap and --file F go together; give both or neither"
-        if self.file is None and (self.mapping or self.accept_defects):
-            word = "mapping" if self.mapping else "accept-defects"
-            return f"--{word} goes with --human mocap --file F; leave it out"
+        if self.file is None:
+            names, what = ("mapping", "accept_defects"), "--human mocap --file F"
+            if told := goes_with(self, names, what, "leave it out"):
+                return told
         if self.human == "mocap" and self.direction == "receive":
             return "a recorded person takes, and cannot give: leave --direction out"
-        return file_trouble(self.file, self.mapping) or page_trouble(
-            self.view, self.port, self.host, self.token
-        )
+        return file_trouble(self.file, self.mapping) or page_trouble(self)
 
     def lasts(self, patience: float = 1.0) -> float:
         """Return the simulated time [s].
@@ -165,13 +163,10 @@ class DemoRequest:
     def _trouble_of_the_cycle(self) -> str:
         person = ("direction", "human", "file", "mapping", "accept_defects")
         person = (*person, "object", "mass", "scale")
-        for name in (*person, "view", "port", "host", "token"):
-            if getattr(self, name):
-                word = name.replace("_", "-")
-                return (
-                    f"--{word} goes with `odm demo handover`, a maintenance cycle "
-                    "gives and takes; leave it out"
-                )
+        what = "`odm demo handover`, a maintenance cycle gives and takes"
+        names = (*person, "view", "port", "host", "token")
+        if told := goes_with(self, names, what, "leave it out"):
+            return told
         if self.robot not in (None, PANDA, ARMAR3):
             return (
                 f"--robot is {self.robot!r}: choose {PANDA} or {ARMAR3}, or give --map "

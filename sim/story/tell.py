@@ -184,7 +184,6 @@ def _filmed(
     with world, Bars("writing the film") as tell:
         if len(still):
             world.stand(still)
-        path.parent.mkdir(parents=True, exist_ok=True)
         return write_story_film(record, cell_map.robot, world, path, look, tell)
 
 

@@ -41,9 +41,6 @@ class SimulatedWrist:
     reaction pybullet reports, and the person's pull acts on the object. Between two
     frames the simulation does several steps, so that its solver settles.
 
-    Args:
-        obj: What is in the hand.
-
     Raises:
         SimulatorMissing: pybullet is not installed.
     """

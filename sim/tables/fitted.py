@@ -1,6 +1,7 @@
 """A table where the terminal has room for it; else each row as lines of its own."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
@@ -33,6 +34,22 @@ class Fitted:
         cells = [cell for column in columns for cell in column.cells]
         heads = [c.header for c in columns] if self.table.show_header else []
         return {word for cell in (*heads, *cells) for word in _text(cell).plain.split()}
+
+
+def print_table(
+    console: Console,
+    title: str,
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    **look: Any,
+) -> None:
+    """Print rows, the first column to the left and all others to the right."""
+    table = Table(title=title, title_justify="left", **look)
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="right" if k else "left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(Fitted(table))
 
 
 def _rows(table: Table) -> Iterator[RenderableType]:

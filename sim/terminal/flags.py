@@ -6,7 +6,7 @@ command begins, see `sim.terminal.checks`.
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import MISSING, Field, field, fields
 from pathlib import Path
 from typing import Annotated, get_origin, get_type_hints
@@ -157,6 +157,19 @@ def given(request: object, panel: str) -> list[str]:
         if option.rich_help_panel == panel
         and getattr(request, name) not in (None, False)
     ]
+
+
+def goes_with(
+    request: object,
+    names: Iterable[str],
+    what: str,
+    remedy: str = "add that or leave it out",
+) -> str:
+    """Return a sentence on the first of some fields that was given, "" for none."""
+    for name in names:
+        if getattr(request, name) is not None and getattr(request, name) is not False:
+            return f"{flags_of(type(request))[name]} goes with {what}; {remedy}"
+    return ""
 
 
 def from_request(kind: type) -> Callable[[Callable], Callable]:

@@ -57,7 +57,7 @@ def with_targets(words: list[str], door: object) -> list[str]:
             after = words[at] if at < len(words) else ""
             named = after == "-" or after.endswith(_TARGETS[word])
             if after and not named and not after.startswith("-"):
-                named = not _is_wanted(after, words[: at - 1], words[at + 1 :], door)
+                named = not _is_wanted(words[: at - 1], words[at + 1 :], door)
             if named:
                 word, at = f"{word}={after}", at + 1
             else:
@@ -66,8 +66,8 @@ def with_targets(words: list[str], door: object) -> list[str]:
     return result
 
 
-def _is_wanted(word: str, before: list[str], behind: list[str], door: object) -> bool:
-    """Return whether a command needs this word as an argument by its place."""
+def _is_wanted(before: list[str], behind: list[str], door: object) -> bool:
+    """Return whether a command needs the word between as an argument by its place."""
     command, rest = _command_of([*before, *behind], door)
     if hasattr(command, "commands"):
         return not (rest and rest[0].startswith("-"))  # the word names the command

@@ -1,5 +1,6 @@
 """What happened when two robots ran: every frame, and the figures drawn from them."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,12 +87,8 @@ class TwoResult:
             "moving_s": [float(self.moving(k).sum() / self.rate_hz) for k in (0, 1)],
             "both_moving_s": float(either.sum() / self.rate_hz),
             "held_s": held.tolist(),
-            "hold_reasons": [_most(r) for r in self.reasons],
+            "hold_reasons": [
+                [list(row) for row in Counter(r).most_common(3)] for r in self.reasons
+            ],
             "latency_us": [percentiles(1e6 * w) for w in self.wall_s.T[:planned]],
         }
-
-
-def _most(reasons: dict, most: int = 3) -> list[list]:
-    """Return the reasons that held longest, with their frames."""
-    ranked = sorted(reasons.items(), key=lambda item: -item[1])
-    return [[reason, frames] for reason, frames in ranked[:most]]

@@ -1,7 +1,6 @@
 """Beside a map without a run: an arm that is dragged through it."""
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 
@@ -27,20 +26,9 @@ class _Asleep:
 
 
 class ArmBeside(Source):
-    """The robot at a node of its roadmap, and an arm: one moment that changes.
+    """The robot at a node of its roadmap, and an arm: one moment that changes."""
 
-    Args:
-        cell_map: The map.
-        motion: Whose arm it is.
-        clock: Returns the time [s].
-    """
-
-    def __init__(
-        self,
-        cell_map: CellMap,
-        motion: HumanMotion,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> None:
+    def __init__(self, cell_map: CellMap, motion: HumanMotion) -> None:
         robot, nodes = cell_map.robot, cell_map.roadmap.nodes
         middle = 0.5 * (robot.lower + robot.upper)
         self._q = nodes[int(np.linalg.norm(nodes - middle, axis=1).argmin())]
@@ -48,7 +36,7 @@ class ArmBeside(Source):
         self._person = DraggedPerson(_Asleep(motion), lambda: self._place)
         self._audit = exact_audit(robot)
         self._audited: tuple[object, float] = (None, np.inf)
-        self._clock, self._begun = clock, clock()
+        self._begun = time.perf_counter()
 
     def take(self, place: np.ndarray | None) -> None:
         """Drag the hand to a place (3,) [m], or let it go."""
@@ -56,7 +44,7 @@ class ArmBeside(Source):
 
     def at(self, time_s: float) -> Moment:
         """Return what stands there now."""
-        now = self._clock() - self._begun
+        now = time.perf_counter() - self._begun
         capsules = self._person.capsules(now)
         if capsules is not self._audited[0]:
             self._audited = capsules, self._audit(self._q, capsules)

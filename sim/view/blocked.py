@@ -38,9 +38,6 @@ class RoadmapPicture:
 
     Edges are straight in the joints' space; the picture joins their ends.
 
-    Args:
-        cell_map: The map.
-
     Attributes:
         segments: (m, 2, 3) ends of every edge [m].
     """

@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from sim.draw.style import AMBER, BLUE, FAINT, INK, LINE, PALE, RED, TEAL
-from sim.view import looks
+from sim.view import theme
 from sim.view.moment import (
     CONTACT,
     GAP,
@@ -33,7 +33,7 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
     """Return state, reason, time and separation of a moment in words."""
     state = shown_state(moment, events)
     word = WORDS[state]
-    colour = looks.STATE_COLOURS[state]
+    colour = theme.STATE_COLOURS[state]
     reason = moment.reason if state != NEW_PATH else ""
     why = f'<div style="color:{INK};margin-top:4px">{_clip(reason)}</div>'
     gap = moment.separation
@@ -154,11 +154,11 @@ def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) ->
         x, wide = at(first), max(at(last) - at(first), 1.5)
         body += (
             f'<rect x="{x:.1f}" y="12" width="{wide:.1f}" height="18" '
-            f'fill="{looks.STATE_COLOURS[state]}"/>'
+            f'fill="{theme.STATE_COLOURS[state]}"/>'
         )
     for event in [e for e in events if e.state == NEW_PATH][-COLUMNS:]:
         x = at(event.time_s)
-        colour = looks.STATE_COLOURS[NEW_PATH]
+        colour = theme.STATE_COLOURS[NEW_PATH]
         body += f'<rect x="{x - 1:.1f}" y="4" width="2.4" height="8" fill="{colour}"/>'
     x = at(now)
     body += f'<rect x="{x - 1.5:.1f}" y="0" width="3" height="{height}" fill="{INK}"/>'
@@ -171,7 +171,7 @@ def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) ->
 
 
 def _event_line(event: Event) -> str:
-    colour = looks.STATE_COLOURS[event.state]
+    colour = theme.STATE_COLOURS[event.state]
     return (
         '<div style="white-space:nowrap;overflow:hidden;text-overflow:ellipsis" '
         f'title="{_clip(event.text)}"><span style="color:{FAINT};'
@@ -204,26 +204,26 @@ def _stretches(rows: np.ndarray, begin: float, length: float) -> list[tuple]:
 
 def legend(has_map: bool, has_quality: bool) -> str:
     """Return what each colour means."""
-    rows = [("box", looks.SLEEVE, "person: clothes")]
-    rows.append(("box", looks.SKIN, "person: skin"))
-    rows.append(("line", looks.PATH, "path of the tool"))
-    rows.append(("line", looks.BEFORE, "the path before it"))
-    rows.append(("box", looks.LOAD, "what is carried"))
+    rows = [("box", theme.SLEEVE, "person: clothes")]
+    rows.append(("box", theme.SKIN, "person: skin"))
+    rows.append(("line", theme.PATH, "path of the tool"))
+    rows.append(("line", theme.BEFORE, "the path before it"))
+    rows.append(("box", theme.LOAD, "what is carried"))
     if has_map:
-        rows.append(("line", looks.FREE_EDGE, "edge that is free"))
-        rows.append(("line", looks.BLOCKED_EDGE, "edge that is blocked"))
-        rows.append(("box", looks.CELL, "occupied cell"))
+        rows.append(("line", theme.FREE_EDGE, "edge that is free"))
+        rows.append(("line", theme.BLOCKED_EDGE, "edge that is blocked"))
+        rows.append(("box", theme.CELL, "occupied cell"))
     if not has_quality:
-        rows.append(("dot", looks.GOAL, "work place; the larger is the goal"))
-    items = "".join(_swatch(kind, looks.hex_of(c), text) for kind, c, text in rows)
+        rows.append(("dot", theme.GOAL, "work place; the larger is the goal"))
+    items = "".join(_swatch(kind, theme.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
-        _swatch("box", looks.STATE_COLOURS[s], WORDS[s])
+        _swatch("box", theme.STATE_COLOURS[s], WORDS[s])
         for s in (STILL, ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
     )
     bar = ""
     if has_quality:
-        stops = looks.quality_colours(np.linspace(0, 1, 6))
-        gradient = ",".join(looks.hex_of(c) for c in stops)
+        stops = theme.quality_colours(np.linspace(0, 1, 6))
+        gradient = ",".join(theme.hex_of(c) for c in stops)
         bar = (
             f'<div style="margin-top:6px;color:{FAINT}">target quality 0 '
             f'<span style="display:inline-block;width:110px;height:9px;'

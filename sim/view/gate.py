@@ -34,9 +34,15 @@ def is_local(host: str) -> bool:
         return False
 
 
-def new_token() -> str:
-    """Return a token that nobody guesses."""
-    return secrets.token_urlsafe(16)
+def token_for(host: str, token: str | None) -> str:
+    """Return the token, None: a new one where others come; "" may not serve these."""
+    if token is None:
+        return "" if is_local(host) else secrets.token_urlsafe(16)
+    if not token and not is_local(host):
+        raise BadInput(
+            f"--host {host} can be reached by others; give a --token that is not empty"
+        )
+    return token
 
 
 def address_of(host: str, port: int, token: str) -> str:

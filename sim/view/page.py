@@ -14,7 +14,7 @@ import viser
 from odm.cell_map.cell_map import CellMap
 from roadmap.errors import PlanningError
 from roadmap.robot.robot import Robot
-from sim.view import looks
+from sim.view import theme
 from sim.view.blocked import RoadmapPicture
 from sim.view.gate import LOCAL, Gate
 from sim.view.moment import Moment
@@ -204,19 +204,19 @@ class Page:
         if whole and not self._placed:
             self._placed = True
             self._seen.clear()
-            eye, target = looks.eye_on(*self.stage.bounds(moment), side=_side(moment))
+            eye, target = theme.eye_on(*self.stage.bounds(moment), side=_side(moment))
             camera = self.server.initial_camera
             camera.position, camera.look_at = eye, target
-            camera.fov = looks.FOV
+            camera.fov = theme.FOV
         for number, client in clients.items():
             if number in self._seen or not whole:
                 continue
             self._seen.add(number)
             aspect = client.camera.aspect
             bounds = self.stage.bounds(moment)
-            eye, target = looks.eye_on(*bounds, aspect, _side(moment))
+            eye, target = theme.eye_on(*bounds, aspect, _side(moment))
             with suppress(AssertionError, RuntimeError):  # it has left meanwhile
-                client.camera.fov = looks.FOV
+                client.camera.fov = theme.FOV
                 client.camera.position = eye
                 client.camera.look_at = target
 

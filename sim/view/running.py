@@ -2,9 +2,12 @@
 
 import sys
 import time
+from typing import Any, Self
 
 import numpy as np
 
+from odm.cell_map.cell_map import CellMap
+from odm.planner.planner import ReactivePlanner
 from sim.draw.surroundings import scene_of
 from sim.loop.loop import Frame, Loop
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
@@ -30,48 +33,52 @@ class Pace:
         time.sleep(max(0.0, self._begun + due - now))
 
 
-class Watched:
-    """A loop, not begun, that is watched; a context manager.
+class LivePage:
+    """The page beside a run, with all that stands around it; a context manager.
 
-    Its person can be dragged where it goes between work places. Port, host and token as
-    of `Viewer`.
+    `where` are port, host and token as of `Viewer`, None: as by default. `options` are
+    further ones of `Viewer`.
     """
 
     def __init__(
-        self,
-        loop: Loop,
-        cell_map: object,
-        port: int | None = None,
-        host: str | None = None,
-        token: str | None = None,
+        self, cell_map: CellMap, planner: ReactivePlanner, where: tuple, **options: Any
     ) -> None:
-        self._loop = loop
-        self._live = getattr(loop, "live", None)  # of runs to hand-over targets
-        drag = self._live is None and loop.motion is not None
-        rate = loop.settings.rate_hz
-        name = "nobody" if loop.motion is None else loop.motion.name
-        label = f"{loop.robot.name} beside {name}"
+        port, host, token = where
         self.viewer = Viewer(
             cell_map,
             host=host or LOCAL,
             port=PORT if port is None else port,
             token=token,
-            rate_hz=rate,
-            label=label,
-            drag=drag,
-            standing=scene_of(loop.planner),
+            standing=scene_of(planner),
+            **options,
         )
-        if drag:
-            loop.motion = DraggedPerson(loop.motion, self.viewer.hand)
-        self._targets: dict[object, np.ndarray] = {}
         self._pace = Pace()
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
 
-    def __enter__(self) -> "Watched":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.viewer.close()
+
+
+class Watched(LivePage):
+    """A loop, not begun, that is watched.
+
+    Its person can be dragged where it goes between work places.
+    """
+
+    def __init__(self, loop: Loop, cell_map: CellMap, *where: object) -> None:
+        self._loop = loop
+        self._live = getattr(loop, "live", None)  # of runs to hand-over targets
+        drag = self._live is None and loop.motion is not None
+        name = "nobody" if loop.motion is None else loop.motion.name
+        label = f"{loop.robot.name} beside {name}"
+        shown = {"rate_hz": loop.settings.rate_hz, "label": label, "drag": drag}
+        super().__init__(cell_map, loop.planner, where, **shown)
+        if drag:
+            loop.motion = DraggedPerson(loop.motion, self.viewer.hand)
+        self._targets: dict[object, np.ndarray] = {}
 
     def hear(self, frame: Frame) -> None:
         """Show a frame, and wait until the clock has come as far."""

@@ -19,7 +19,6 @@ from sim.loop.target_rows import TARGETS_EVERY
 from sim.record import RunRecord
 from sim.record.again import robot_of
 from sim.record.standing import shapes_of
-from sim.view.looks import lowest_of
 from sim.view.mailbox import Mailbox
 from sim.view.moment import (
     HOLDING,
@@ -31,6 +30,7 @@ from sim.view.moment import (
     state_of,
 )
 from sim.view.robot_shapes import Part, lowest_of_robot
+from sim.view.theme import lowest_of
 
 KEPT = 18_000  # moments of a live run: ten minutes at 30 a second
 KEPT_ROWS = 60_000  # its frames: ten minutes at 100 a second
@@ -70,9 +70,6 @@ class Source(ABC):
 
 class Recorded(Source):
     """A recording, which needs nothing but its file.
-
-    Args:
-        record: The recording.
 
     Attributes:
         robot: Its robot.

@@ -12,7 +12,7 @@ from sim.draw.animation import tool_line
 from sim.draw.style import person_colours
 from sim.draw.world import capsule_mesh, turn_z_to
 from sim.loop.carried import ball_rows
-from sim.view import looks
+from sim.view import theme
 from sim.view.blocked import (
     RoadmapPicture,
     cell_centers,
@@ -85,7 +85,7 @@ class Stage:
         self.scene.configure_environment_map(None)
         self.scene.configure_default_lights(True, cast_shadow=False)
         self.scene.add_light_hemisphere(
-            "/sky", sky_color=looks.SKY, ground_color=looks.GROUND, intensity=SKY
+            "/sky", sky_color=theme.SKY, ground_color=theme.GROUND, intensity=SKY
         )
         self._nodes["floor"] = self.scene.add_grid(
             "/floor",
@@ -116,7 +116,7 @@ class Stage:
             name = f"/robot/body_{body}"
             self._bodies[body] = self.scene.add_frame(name, show_axes=False)
         for i, part in enumerate(parts):
-            own = part.colour or (looks.ROBOT if part.body else looks.BASE)
+            own = part.colour or (theme.ROBOT if part.body else theme.BASE)
             mesh, few = part.mesh, len(part.mesh.faces) < FEW_FACES
             if len(mesh.faces) == 0:
                 continue
@@ -140,7 +140,7 @@ class Stage:
             "/still",
             triangles.reshape(-1, 3).astype(np.float32),
             np.arange(3 * len(triangles)).reshape(-1, 3),
-            color=looks.FURNITURE,
+            color=theme.FURNITURE,
             flat_shading=True,
             side="double",
             visible=self.shown["still"],
@@ -157,7 +157,7 @@ class Stage:
         if self.shown["edges"] and self.roadmap is not None:
             self._nodes["edges"] = self.scene.add_glb(
                 "/edges",
-                line_file(self.roadmap.segments, looks.FREE_EDGE, EDGE_OPACITY),
+                line_file(self.roadmap.segments, theme.FREE_EDGE, EDGE_OPACITY),
                 cast_shadow=False,
                 receive_shadow=False,
             )
@@ -183,7 +183,7 @@ class Stage:
             balls = ball_rows(self.robot, moment.payload, moment.q)
             capsules = np.vstack([capsules if len(capsules) else NOBODY, balls])
         self._things = len(moment.capsules) - moment.things
-        self.sink(looks.lowest_of(moment.capsules[: max(self._things, 0)]))
+        self.sink(theme.lowest_of(moment.capsules[: max(self._things, 0)]))
         self._if_new("person", capsules, self._place_person)
         self._if_new("path", moment.path, self._path)
         self._if_new("before", moment.before, self._before)
@@ -210,7 +210,7 @@ class Stage:
         frames = body_frames(self.robot, q)
         for body, node in self._bodies.items():
             node.position = frames[body, :3, 3]
-            node.wxyz = looks.wxyz_of(frames[body, :3, :3])
+            node.wxyz = theme.wxyz_of(frames[body, :3, :3])
         self.sink(lowest_of_robot(self.robot, self._parts, q[None]))
 
     def _place_person(self, capsules: np.ndarray) -> None:
@@ -230,7 +230,7 @@ class Stage:
         self._sizes, self._person = sizes, []
         people = person_colours(min(self._things, len(sizes)))
         colours = [tuple(row) for row in np.round(255 * people).astype(int).tolist()]
-        colours += [looks.LOAD] * (len(sizes) - len(colours))
+        colours += [theme.LOAD] * (len(sizes) - len(colours))
         for i, (length, radius) in enumerate(sizes):
             vertices, _, faces = capsule_mesh(length, radius, 8, 24)
             colour = colours[i]
@@ -238,18 +238,18 @@ class Stage:
                 f"/person/part_{i}",
                 vertices,
                 faces,
-                color=colour if length > 1e-9 else looks.LOAD,
+                color=colour if length > 1e-9 else theme.LOAD,
                 visible=self.shown["person"],
             )
             self._person.append(node)
 
     def _path(self, path: np.ndarray) -> None:
         line = tool_line(self.robot, path)
-        self._lines("path", looks.as_segments(line), looks.PATH, 5.0)
+        self._lines("path", theme.as_segments(line), theme.PATH, 5.0)
 
     def _before(self, path: np.ndarray) -> None:
         line = tool_line(self.robot, path)
-        self._lines("before", looks.as_segments(line), looks.BEFORE, 3.0)
+        self._lines("before", theme.as_segments(line), theme.BEFORE, 3.0)
 
     def _targets(self, targets: np.ndarray) -> None:
         self._remove("targets")
@@ -262,7 +262,7 @@ class Stage:
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(targets), 1)),
             batched_positions=targets[:, :3],
             batched_scales=radius,
-            batched_colors=looks.quality_colours(targets[:, 3]),
+            batched_colors=theme.quality_colours(targets[:, 3]),
             lod="off",
             cast_shadow=False,
             visible=self.shown["targets"],
@@ -276,7 +276,7 @@ class Stage:
         self._nodes["points"] = self.scene.add_point_cloud(
             "/points",
             points[::step].astype(np.float32),
-            looks.POINT,
+            theme.POINT,
             point_size=0.006,
             visible=self.shown["points"],
         )
@@ -303,7 +303,7 @@ class Stage:
             _CUBE_FACES,
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(cells), 1)),
             batched_positions=cell_centers(grid, cells),
-            batched_colors=looks.CELL,
+            batched_colors=theme.CELL,
             opacity=0.35,
             flat_shading=True,
             lod="off",
@@ -315,7 +315,7 @@ class Stage:
     def _blocked(self, cells: np.ndarray) -> None:
         blocked = self.roadmap.blocked(cells)
         segments = self.roadmap.segments[blocked]
-        self._lines("blocked", segments, looks.BLOCKED_EDGE, 0.8)
+        self._lines("blocked", segments, theme.BLOCKED_EDGE, 0.8)
 
     def _lines(
         self, layer: str, segments: np.ndarray, colour: tuple, pixels: float

@@ -16,7 +16,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput, PlanningError
 from sim.draw.surroundings import all_triangles
-from sim.view.gate import LOCAL, PORT, address_of, is_local, listening, new_token
+from sim.view.gate import LOCAL, PORT, address_of, listening, token_for
 from sim.view.mailbox import HAND, READY, Mailbox
 from sim.view.moment import NOBODY, ON_THE_WAY, Event, Happenings, Moment, state_of
 
@@ -86,10 +86,7 @@ class Viewer:
         standing: Sequence[Shape] = (),
     ) -> None:
         check_viewer()
-        if token is None:
-            token = "" if is_local(host) else new_token()
-        if not token and not is_local(host):
-            raise BadInput(f"--host {host} can be reached by others; give a --token")
+        token = token_for(host, token)
         self.rate_hz, self.robot = rate_hz, cell_map.robot
         self._begun: float | None = None
         self._written = self._asked = -np.inf

@@ -52,7 +52,7 @@ TABLE_I = {
 }
 _HANDS = ("sdh_left", "hubo_left", "hubo_right")
 _LIMIT_S, _LONG_S = 10.0, 300.0
-PATIENCE_S = 10.0  # after Ctrl-C: what was done is told, see `sim.cli.bench_command`
+PATIENCE_S = 10.0  # after Ctrl-C: what was done is told, see `sim.bench.command`
 
 
 def run(

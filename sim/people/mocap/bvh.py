@@ -28,10 +28,6 @@ def parse_bvh(text: str, source: str) -> Tracks:
     the place of that coordinate of the offset. The end of a chain is named
     `<joint>_end`.
 
-    Args:
-        text: Contents of the file.
-        source: Its name, for messages.
-
     Raises:
         BadMocap: Not a BVH, cut off, not numeric, a rate of 0, no frames.
     """
@@ -47,7 +43,7 @@ def parse_bvh(text: str, source: str) -> Tracks:
     values = _values(lines[start:], n_channels, count, source)
     with np.errstate(over="ignore", invalid="ignore"):  # too far: not seen
         places, rest = _places(joints, values), _rest(joints)
-    return Tracks(source, "bvh", rate, places, rest=rest)
+    return Tracks(source, rate, places, rest=rest)
 
 
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:

@@ -271,7 +271,7 @@ def _motion(
     advance = (moved + after - grown[: len(moved)]).max() * rate
     return MocapMotion(
         source, max(float(advance), 0.0), rate, (n_frames - 1) / rate, settings.loop,
-        frames, body.capsules(guesses), body.labels, age, jumped, T, tuple(notes),
+        frames, body.capsules(guesses), body.labels, age, jumped, tuple(notes),
     )  # fmt: skip
 
 

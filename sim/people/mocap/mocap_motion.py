@@ -39,7 +39,6 @@ class MocapMotion:
         age_s: (F, 11) time since each of `handover.human.body.JOINTS` was last seen
             [s].
         jumped: (F, 11) it is not believed because it jumped, rather than not seen.
-        T_base_recording: (4, 4) pose of the recording's frame (z up) in the base.
         notes: Sentences on what was guessed and mended.
     """
 
@@ -53,11 +52,10 @@ class MocapMotion:
     labels: np.ndarray
     age_s: np.ndarray
     jumped: np.ndarray
-    T_base_recording: np.ndarray
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        freeze(self, frames=float, guesses=float, age_s=float, T_base_recording=float)
+        freeze(self, frames=float, guesses=float, age_s=float)
         freeze(self, labels=np.int64, jumped=np.bool_)
 
     def capsules(self, t: float) -> np.ndarray:

@@ -22,7 +22,6 @@ class Tracks:
 
     Attributes:
         source: Name of the file, for messages.
-        kind: "csv" or "bvh".
         rate_hz: Frames per second.
         places: Name -> (F, 3) place in the file's units and axes; NaN: not seen. A
             name has the namespace of the file, as in "Bob:RSHO".
@@ -32,7 +31,6 @@ class Tracks:
     """
 
     source: str
-    kind: str
     rate_hz: float
     places: dict[str, np.ndarray]
     metres_per_unit: float | None = None

@@ -18,10 +18,6 @@ def parse_csv(text: str, source: str) -> Tracks:
     data follow up to the first empty line. An empty cell is a gap, and so is a frame
     whose number is left out.
 
-    Args:
-        text: Contents of the file.
-        source: Its name, for messages.
-
     Raises:
         BadMocap: A line is missing, cut off or not numeric, a rate of 0, no frames.
     """
@@ -43,7 +39,7 @@ def parse_csv(text: str, source: str) -> Tracks:
         found[frames - frames[0]] = cells[:, column : column + 3]
         found[~np.isfinite(found).all(axis=1)] = np.nan
         places[name] = found
-    return Tracks(source, "csv", rate, places, scale, "z")
+    return Tracks(source, rate, places, scale, "z")
 
 
 def _columns(names: list[str], axes: list[str], source: str) -> dict[str, int]:

@@ -10,6 +10,7 @@ from odm import Box, ReactivePlanner
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from roadmap.errors import BadInput
+from sim.bench.command import bench_modules, run_bench
 from sim.bench.frames import arm_frames, make_pairs
 from sim.bench.paper import odm_paper, paper_edges
 from sim.bench.paper.paper_arm import (
@@ -23,8 +24,6 @@ from sim.bench.paper.paper_arm import (
 )
 from sim.bench.paper.paper_rows import PaperFcl, audit
 from sim.bench.rivals.query import query_of
-from sim.cli import bench_command
-from sim.cli.bench_command import run_bench
 from sim.tables.table import markdown, print_bench
 
 # an arm across the small robot's workspace
@@ -216,7 +215,7 @@ def test_the_short_bench_is_plain_data_with_all_tables(result):
 
 
 def test_the_bench_is_known_by_its_name_and_takes_no_map(tmp_path):
-    names = bench_command._modules()
+    names = bench_modules()
     assert "odm-paper" in names and "odm_paper" not in names
     with pytest.raises(BadInput, match="no option --map"):
         run_bench("odm-paper", {"map_dir": tmp_path}, None, None)

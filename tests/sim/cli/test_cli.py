@@ -10,9 +10,9 @@ import typer
 from command_line import one_sentence
 
 from odm import build_map, load_map
-from sim.cli import bench_command, suggest
+from sim.bench.command import bench_modules, fill_section, run_bench
 from sim.cli import main as cli
-from sim.cli.bench_command import fill_section
+from sim.cli import suggest
 from sim.cli.build_command import built_facts
 from sim.loop.warmup import tiny_recipe
 
@@ -210,7 +210,7 @@ def test_a_run_writes_its_figures(odm, map_dir, tmp_path):
 
 
 def test_benches_are_found_by_name(odm):
-    assert "latency" in bench_command._modules()
+    assert "latency" in bench_modules()
     code, _, err = odm("bench", "workspace")
     assert code == 2 and "--map" in err
 
@@ -241,7 +241,7 @@ def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(
     monkeypatch.chdir(tmp_path)
     folder = Path("maps") / recipe
     monkeypatch.setattr(build, "built_map", lambda made: folder.parent / made.name)
-    module = importlib.import_module(bench_command._modules()[name])
+    module = importlib.import_module(bench_modules()[name])
     kept = inspect.signature(module.run)
     asked = []
 
@@ -251,12 +251,12 @@ def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(
 
     run.__signature__ = kept
     monkeypatch.setattr(module, "run", run)
-    assert bench_command.run_bench(name, {}, json="-") == 0
-    assert bench_command.run_bench(name, {"map_dir": Path("mine")}, json="-") == 0
+    assert run_bench(name, {}, json="-") == 0
+    assert run_bench(name, {"map_dir": Path("mine")}, json="-") == 0
     there = Path("maps/built") / recipe  # the user's own, never replaced
     there.mkdir(parents=True)
     (there / "manifest.json").write_text("{}")
-    assert bench_command.run_bench(name, {}, json="-") == 0
+    assert run_bench(name, {}, json="-") == 0
     assert asked == [folder, Path("mine"), there]
 
 

@@ -83,7 +83,7 @@ def test_a_time_that_is_none_is_refused(at, record):
 
 def test_opened_wider_it_needs_a_token(record):
     told = refused("view", record, "--host", "0.0.0.0", "--token", "")
-    assert "needs a --token that is not empty" in told
+    assert "give a --token that is not empty" in told
 
 
 @pytest.mark.parametrize("flag", ["--port", "--host", "--token"])

@@ -12,7 +12,7 @@ from sim.keyboard.key_motion import KeyboardArm
 from sim.keyboard.picture import painted, picture
 from sim.keyboard.session import Pacer
 from sim.keyboard.shown import View, plain_line
-from sim.keyboard.tally import Histogram, Tally
+from sim.keyboard.stats import Histogram, Stats
 from sim.loop.loop import Frame
 
 REASON = (
@@ -31,16 +31,16 @@ def frame(index, status="following", place=1, separation=0.123, reason=REASON):
     )  # fmt: skip
 
 
-def tally_of(statuses, **values):
-    tally = Tally(100.0)
+def stats_of(statuses, **values):
+    stats = Stats(100.0)
     for index, status in enumerate(statuses):
-        tally.take(frame(index, status, **values))
-    return tally
+        stats.take(frame(index, status, **values))
+    return stats
 
 
-def view_of(tally, **values):
+def view_of(stats, **values):
     arm = KeyboardArm()
-    return View("panda", 100.0, tally, arm.state, arm.limits, **values)
+    return View("panda", 100.0, stats, arm.state, arm.limits, **values)
 
 
 def shown(view, width=80, height=24):
@@ -52,7 +52,7 @@ HELD = ["following"] * 200 + ["holding"] * 50
 
 @given(st.integers(1, 200), st.integers(1, 60), st.booleans())
 def test_the_picture_fits_whatever_the_size(width, height, explains):
-    view = view_of(tally_of(HELD[195:205]), blocked=0.5, edges=10, help=explains)
+    view = view_of(stats_of(HELD[195:205]), blocked=0.5, edges=10, help=explains)
     lines = picture(view, width, height)
     assert 1 <= len(lines) <= height
     assert all(line.cell_len <= width for line in lines)
@@ -62,7 +62,7 @@ def test_the_picture_fits_whatever_the_size(width, height, explains):
 
 @pytest.mark.parametrize("size", [(80, 24), (72, 20), (120, 50), (40, 12)])
 def test_all_that_matters_is_on_the_screen(size):
-    view = view_of(tally_of(HELD), blocked=0.34, edges=76912, late=3, slipped_s=0.1)
+    view = view_of(stats_of(HELD), blocked=0.34, edges=76912, late=3, slipped_s=0.1)
     text = shown(view, *size)
     for words in ("holding for 0.5 s", "0:02", "goal 0 is blocked", "panda_link5"):
         assert words in text
@@ -74,70 +74,70 @@ def test_all_that_matters_is_on_the_screen(size):
 
 
 def test_a_long_reason_takes_two_lines_and_says_that_there_is_more():
-    lines = shown(view_of(tally_of(HELD)), 40, 12).splitlines()
+    lines = shown(view_of(stats_of(HELD)), 40, 12).splitlines()
     assert lines[1].startswith("  goal 0") and lines[2].endswith("…")
     assert lines[3].startswith("separation")
 
 
 def test_on_few_lines_state_and_keys_stay():
-    lines = shown(view_of(tally_of(HELD)), 40, 5).splitlines()
+    lines = shown(view_of(stats_of(HELD)), 40, 5).splitlines()
     assert lines[0].startswith("● holding") and lines[-1].startswith("+-")
 
 
 def test_the_help_names_every_key_also_on_a_small_screen():
-    text = shown(view_of(tally_of(HELD), help=True), 40, 12)
+    text = shown(view_of(stats_of(HELD), help=True), 40, 12)
     for words in ("elbow", "arm out, in", "nudge", "home", "pause", "back"):
         assert words in text
 
 
 def test_a_terminal_without_pictures_gets_the_same_in_one_line():
-    line = plain_line(view_of(tally_of(HELD), blocked=0.34, late=3))
+    line = plain_line(view_of(stats_of(HELD), blocked=0.34, late=3))
     assert "\n" not in line and REASON in line
     for words in ("holding", "smallest 12.3 cm", "p50 50 µs", "34 %", "missed 3"):
         assert words in line
 
 
 def test_before_the_first_frame_there_is_a_picture_too():
-    text = shown(view_of(Tally(100.0), paused=True))
+    text = shown(view_of(Stats(100.0), paused=True))
     assert "paused" in text and "p50 -, p99 -" in text
 
 
 def test_the_last_hold_stays_on_the_screen_after_it():
-    tally = tally_of([*HELD, *["following"] * 100])
-    assert tally.held is None and tally.last_hold == (1.0, 0.5)
-    assert "held 0.5 s, 1 s ago: goal 0" in shown(view_of(tally))
-    assert "no hold so far" in shown(view_of(tally_of(["following"])))
+    stats = stats_of([*HELD, *["following"] * 100])
+    assert stats.held is None and stats.last_hold == (1.0, 0.5)
+    assert "held 0.5 s, 1 s ago: goal 0" in shown(view_of(stats))
+    assert "no hold so far" in shown(view_of(stats_of(["following"])))
 
 
 def test_a_new_path_of_one_frame_is_seen_for_half_a_second():
-    tally = tally_of(["following", "replanned", *["following"] * 30])
-    assert "● replanned" in shown(view_of(tally)) and tally.new_paths == 1
-    tally = tally_of(["following", "replanned", *["following"] * 60])
-    assert "● following" in shown(view_of(tally))
+    stats = stats_of(["following", "replanned", *["following"] * 30])
+    assert "● replanned" in shown(view_of(stats)) and stats.new_paths == 1
+    stats = stats_of(["following", "replanned", *["following"] * 60])
+    assert "● following" in shown(view_of(stats))
 
 
 def test_trips_are_counted_and_the_path_to_a_new_place_is_no_new_one():
-    tally = Tally(100.0)
+    stats = Stats(100.0)
     for index in range(40):
         place = index // 10 % 2
         status = "following" if index % 10 else "replanned"
-        tally.take(frame(index, status, place))
-    assert tally.trips == 3 and tally.new_paths == 0
+        stats.take(frame(index, status, place))
+    assert stats.trips == 3 and stats.new_paths == 0
 
 
 def test_a_changed_reason_of_a_long_hold_is_shown():
-    tally = tally_of(["holding", "holding"])
-    tally.take(frame(2, "holding", reason="start in contact"))
-    assert tally.hold_reason == REASON
-    tally.explain()
-    assert tally.hold_reason == "start in contact"
+    stats = stats_of(["holding", "holding"])
+    stats.take(frame(2, "holding", reason="start in contact"))
+    assert stats.hold_reason == REASON
+    stats.explain()
+    assert stats.hold_reason == "start in contact"
 
 
 def test_the_smallest_separation_stays():
-    tally = Tally(100.0)
+    stats = Stats(100.0)
     for index, separation in enumerate((0.5, 0.031, math.inf)):
-        tally.take(frame(index, separation=separation))
-    assert view_of(tally).separation == "-, smallest 3.1 cm"
+        stats.take(frame(index, separation=separation))
+    assert view_of(stats).separation == "-, smallest 3.1 cm"
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=200))

@@ -53,7 +53,7 @@ if ended == "SIGHUP":
     sys.exit(ENDINGS[ended])
 moved = arm.state.target - arm.limits.home
 print(json.dumps({"ended": ended, "keys": [e.key for e in arm.events],
-                  "moved": moved.round(6).tolist(), "frames": session.tally.frames}))
+                  "moved": moved.round(6).tolist(), "frames": session.stats.frames}))
 print("after the screen")
 sys.exit(ENDINGS.get(ended, 0))
 """

@@ -10,6 +10,7 @@ import numpy as np
 from small import AWAY, HOME
 
 import odm
+from sim.people.human_motion import make_motion
 from sim.run.places import DEMO, warm_up
 
 _CODE = """
@@ -86,7 +87,8 @@ def test_the_exercise_calls_every_kernel_of_a_frame():
 def test_warming_up_leaves_nothing_for_the_garbage_collection_in_a_frame(small_map):
     planner = odm.ReactivePlanner(small_map)
     try:
-        warm_up(planner, np.stack([HOME, AWAY]), "sweep", replace(DEMO, duration_s=1.0))
+        brief = replace(DEMO, duration_s=1.0)
+        warm_up(planner, np.stack([HOME, AWAY]), make_motion("sweep"), brief)
         assert gc.get_freeze_count() > 10_000
     finally:
         gc.unfreeze()

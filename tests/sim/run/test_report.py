@@ -58,8 +58,8 @@ def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
 
 
 def test_a_run_that_begins_with_the_robot_in_the_person_says_so():
-    apart = text_of([result_of([0.1, -0.073], [0.0, 0.0])])
-    inside = text_of([result_of([-0.073, 0.1], [0.0, 0.0])])
+    apart = text_of(result_of([0.1, -0.073], [0.0, 0.0]))
+    inside = text_of(result_of([-0.073, 0.1], [0.0, 0.0]))
     assert "inside each other" not in apart
     assert "begin 7.3 cm inside each other, so sweep shows little" in inside
 
@@ -69,12 +69,12 @@ def test_who_came_to_a_standing_robot_is_counted_apart():
     result = result_of(gaps, [1.0, 0.0, 0.50, 1.0, 0.00, 1.0, 0.02])
     assert result.contacts == 2 and result.standing_contacts == 1
     assert result.summary()["standing_contacts"] == 1
-    assert "the person came to it standing" in text_of([result])
+    assert "the person came to it standing" in text_of(result)
 
 
 def test_time_slowed_for_the_person_is_told_apart_from_holding():
     result = replace(result_of([0.3] * 4, [1.0] * 4), slowed_s=0.03)
-    row = [s for s in text_of([result]).splitlines() if "slowed or braked" in s]
+    row = [s for s in text_of(result).splitlines() if "slowed or braked" in s]
     assert row[0].split()[-2:] == ["75", "%"]
     assert result.summary()["slowed_s"] == 0.03
     kinematic = result_of([0.3], [1.0])
@@ -84,7 +84,7 @@ def test_time_slowed_for_the_person_is_told_apart_from_holding():
 def test_tables_fit_a_narrow_terminal_and_no_number_is_broken():
     file = open("/dev/null", "w")
     console = Console(width=80, record=True, file=file)
-    print_report([result_of([0.3, 0.1], [1.0, 0.0])], console=console)
+    print_report(result_of([0.3, 0.1], [1.0, 0.0]), console=console)
     lines = console.export_text().splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.split()[:2] == ["step,", "CPU"] for line in lines)
@@ -123,7 +123,7 @@ def test_json_has_no_infinity_and_reads_back():
 def test_the_report_shows_every_figure(straight, crane, places, statue):
     result = run_loop(straight, crane, places, statue, SHORT)
     alone = run_loop(straight, crane, places, None, SHORT)
-    text = text_of([result], alone, "0123456789abcdef")
+    text = text_of(result, alone, "0123456789abcdef")
     for words in (
         "contacts while moving",
         "smallest separation",
@@ -143,7 +143,7 @@ def test_the_report_shows_every_figure(straight, crane, places, statue):
 
 def test_a_report_of_one_run_alone_needs_no_person(straight, crane, places):
     result = run_loop(straight, crane, places, None, SHORT)
-    assert "none" in text_of([result])
+    assert "none" in text_of(result)
 
 
 def test_the_setting_names_processor_and_versions():

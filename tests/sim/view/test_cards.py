@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.view import cards, looks
+from sim.view import cards, theme
 from sim.view.moment import (
     CONTACT,
     HOLDING,
@@ -39,7 +39,7 @@ def test_a_card_tells_state_reason_separation_and_time():
     card = cards.status_card(moment, [], 9.0)
     for told in ("Holding", "jib near", "12.3 cm", "1.25 / 9.0 s"):
         assert told in card
-    assert looks.STATE_COLOURS[HOLDING] in card
+    assert theme.STATE_COLOURS[HOLDING] in card
 
 
 def test_a_new_path_is_told_for_a_while():
@@ -73,7 +73,7 @@ def test_the_gravest_state_of_a_column_is_seen():
     table = rows(np.arange(100_000) / 100)
     table[50_000, 3] = CONTACT  # 10 ms of 17 minutes
     line = cards.time_line(table, [], (0.0, 1000.0), 0.0)
-    assert looks.STATE_COLOURS[CONTACT] in line
+    assert theme.STATE_COLOURS[CONTACT] in line
 
 
 def test_strips_tell_percentiles_and_the_nearest_of_the_last_seconds():
@@ -89,11 +89,11 @@ def test_strips_tell_percentiles_and_the_nearest_of_the_last_seconds():
 
 
 def test_quality_colours_rise_in_lightness():
-    colours = looks.quality_colours(np.linspace(0, 1, 40)).astype(float)
+    colours = theme.quality_colours(np.linspace(0, 1, 40)).astype(float)
     light = colours @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(light) > 0).all()
-    none = looks.quality_colours([np.nan])[0]
-    assert tuple(none) == looks.GOAL
+    none = theme.quality_colours([np.nan])[0]
+    assert tuple(none) == theme.GOAL
 
 
 @pytest.mark.parametrize("aspect", [2.0, 1.0, 0.46])
@@ -101,7 +101,7 @@ def test_the_camera_sees_robot_and_person(aspect):
     rng = np.random.default_rng(0)
     robot = rng.uniform([-0.2, -0.3, 0], [0.5, 0.3, 0.9], (20, 3))
     person = rng.uniform([0.6, -0.3, 0.2], [1.2, 0.3, 0.8], (10, 3))
-    eye, target = looks.eye_on(robot, person, aspect)
+    eye, target = theme.eye_on(robot, person, aspect)
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, [0, 0, 1.0])
     right /= np.linalg.norm(right)
@@ -111,7 +111,7 @@ def test_the_camera_sees_robot_and_person(aspect):
     assert (depth > 0).all()
     high = np.abs(off @ up) / depth
     wide = np.abs(off @ right) / depth
-    assert high.max() < np.tan(looks.FOV / 2)
-    assert wide.max() < np.tan(looks.FOV / 2) * aspect
+    assert high.max() < np.tan(theme.FOV / 2)
+    assert wide.max() < np.tan(theme.FOV / 2) * aspect
     across = (robot.mean(axis=0) - person.mean(axis=0)) @ right
     assert abs(across) > 0.5  # side by side, not one behind the other

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from roadmap.errors import BadInput
-from sim.view.gate import Gate, is_local, listening, new_token
+from sim.view.gate import Gate, is_local, listening, token_for
 
 INSIDE = b"HTTP/1.1 200 OK\r\nContent-Length: 6\r\n\r\ninside"
 
@@ -158,4 +158,6 @@ def test_an_address_of_another_machine_is_refused():
 def test_what_is_local_and_what_is_not():
     assert all(map(is_local, ["127.0.0.1", "localhost", "::1", "127.9.9.9"]))
     assert not any(map(is_local, ["0.0.0.0", "10.0.0.1", "robot", "", "::"]))
-    assert len(new_token()) >= 20 and new_token() != new_token()
+    assert len(token_for("0.0.0.0", None)) >= 20 and token_for(
+        "0.0.0.0", None
+    ) != token_for("0.0.0.0", None)

@@ -12,7 +12,7 @@ import trimesh
 
 from handover.human.human import Human
 from sim.record import read_record
-from sim.view import looks
+from sim.view import theme
 from sim.view.gate import listening
 from sim.view.robot_shapes import (
     Part,
@@ -125,7 +125,7 @@ def test_the_floor_is_below_who_stands_lower_than_the_base(page):
     lowest = np.minimum(person[:, 2], person[:, 5]) - person[:, 6]
     assert floor.position[2] == pytest.approx(lowest.min(), abs=0.003) and before > -0.1
     head = stage.scene.get_handle_by_name("/person/part_8")
-    assert tuple(head.color) == looks.SKIN
+    assert tuple(head.color) == theme.SKIN
     stage.draw(moment, 0.0)  # it does not rise again
     assert floor.position[2] < -0.3
 

@@ -29,7 +29,7 @@ class Histogram:
         return _FIRST * math.exp((at + 0.5) * _STEP)
 
 
-class Tally:
+class Stats:
     """What the screen shows of all frames so far.
 
     Args:
