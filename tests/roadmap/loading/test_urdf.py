@@ -69,6 +69,13 @@ def test_a_file_with_latin_1_comments_and_gazebo_tags_is_read(arm):
     assert load_robot(path, **COARSE).dof == 1
 
 
+@pytest.mark.parametrize("stored", ["utf-16", "utf-8-sig"])
+def test_a_file_in_another_encoding_is_read(arm, stored):
+    path = arm(BALL)
+    path.write_text(path.read_text().replace('"arm"', '"\xe4"'), encoding=stored)
+    assert "\xe4" in load_robot(path, **COARSE).link_names
+
+
 def test_joints_off_the_chain_are_locked_and_carried_along(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL) + link("c", BALL)
     limit = '<limit lower="0.2" upper="0.6" velocity="1" effort="1"/>'
