@@ -159,11 +159,11 @@ def read_description(
     return _bounded(_checked(model, path.name), path.name, endless)
 
 
-def well_formed(path: Path) -> bytes:
-    """Return the XML of a URDF file in UTF-8, whatever it is stored in.
+def read_xml(path: Path):
+    """Return the root of an XML file, whatever its text is stored in.
 
     Raises:
-        BadRobot: It is not well-formed, or not a robot.
+        BadRobot: It is not well-formed.
     """
     from lxml import etree
 
@@ -182,6 +182,18 @@ def well_formed(path: Path) -> bytes:
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
         raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
+    return root
+
+
+def well_formed(path: Path) -> bytes:
+    """Return the XML of a URDF file in UTF-8, whatever it is stored in.
+
+    Raises:
+        BadRobot: It is not well-formed, or not a robot.
+    """
+    from lxml import etree
+
+    root = read_xml(path)
     if path.suffix == ".xacro":
         raise BadRobot(
             f"{path.name} is a xacro file; expand it first: xacro {path.name} > "

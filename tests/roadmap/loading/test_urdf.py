@@ -8,6 +8,7 @@ from roadmap import load_robot, tool_pose
 from roadmap.errors import BadRobot
 from roadmap.geometry.polytope import support
 from roadmap.geometry.spheres import robot_solids
+from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.robot.description import read_description
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE, Robot
 
@@ -74,6 +75,14 @@ def test_a_file_in_another_encoding_is_read(arm, stored):
     path = arm(BALL)
     path.write_text(path.read_text().replace('"arm"', '"\xe4"'), encoding=stored)
     assert "\xe4" in load_robot(path, **COARSE).link_names
+
+
+@pytest.mark.parametrize("stored", ["latin-1", "utf-16"])
+def test_an_srdf_in_another_encoding_is_read(tmp_path, stored):
+    pair = '<disable_collisions link1="a" link2="b" reason="Never"/>'
+    srdf = tmp_path / "r.srdf"
+    srdf.write_text(f"<robot><!-- \xfc -->{pair}</robot>", encoding=stored)
+    assert read_disabled_pairs(srdf) == {frozenset("ab"): "Never"}
 
 
 def test_joints_off_the_chain_are_locked_and_carried_along(urdf, link, joint):
