@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from odm.audit.processes import in_processes
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.cell_map.cell_map import CellMap, load_map
+from odm.processes import in_processes
 from roadmap.chunks import Progress
 from roadmap.errors import BadInput
 

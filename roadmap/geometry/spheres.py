@@ -238,7 +238,7 @@ def _proved(spheres: np.ndarray, solids: list[Solid]) -> tuple[np.ndarray, np.nd
         if power < 0:
             raise BadRobot(
                 "the sphere cover of a link cannot be proved; its collision geometry "
-                "is too thin or too large: simplify it or choose a larger cover_excess"
+                "is too thin or too large: simplify it or give a larger cover_excess"
             )
         if power > _POWER_TOLERANCE:
             worst.append(where[None].copy())

@@ -4,24 +4,23 @@ import os
 from pathlib import Path
 
 from roadmap.errors import BadRobot
+from roadmap.robot.description import read_xml
 
 
 def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
     """Return {links: reason} of the <disable_collisions> of an SRDF file."""
-    from lxml import etree
-
     path = Path(path)
     if not path.is_file():
         raise BadRobot(
             f"there is no SRDF file at {str(path)!r}; give the path of one, or leave "
             "it out"
         )
-    try:
-        root = etree.fromstring(path.read_bytes())
-    except etree.XMLSyntaxError as error:
-        raise BadRobot(f"{path.name} is not well-formed XML: {error}") from error
+    root = read_xml(path)
     if root.tag != "robot":
-        raise BadRobot(f"{path.name} holds <{root.tag}>, not the <robot> of an SRDF")
+        raise BadRobot(
+            f"{path.name} holds <{root.tag}>, not the <robot> of an SRDF; "
+            "give one, or leave it out"
+        )
     pairs = {}
     for element in root.iter("disable_collisions"):
         links = frozenset((element.get("link1", ""), element.get("link2", "")))

@@ -243,7 +243,11 @@ def _common(corners: list[Corner], path: np.ndarray) -> int:
 
 
 def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
-    """Return a path (k, dof) checked, continuous joints going the short way."""
+    """Return a path (k, dof) checked, continuous joints going the short way.
+
+    Corners that are no farther apart than rounding count as one: shorter legs have
+    limits that a profile cannot keep.
+    """
     try:
         path = np.array(path, float)
     except (TypeError, ValueError) as error:
@@ -256,7 +260,20 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
             f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
         )
     check_values(robot, path, "the path")
-    return short_ways(robot, path)
+    return _apart(short_ways(robot, path))
+
+
+def _apart(path: np.ndarray) -> np.ndarray:
+    """Return the corners (k, dof) less those beside the one before; both ends stay."""
+    if (np.linalg.norm(np.diff(path, axis=0), axis=1) > NEAR).all():
+        return path
+    kept, last = [0], len(path) - 1
+    for k in range(1, last):
+        if np.linalg.norm(path[k] - path[kept[-1]]) > NEAR:
+            kept.append(k)
+    while len(kept) > 1 and np.linalg.norm(path[last] - path[kept[-1]]) <= NEAR:
+        kept.pop()
+    return path[[*kept, last]]
 
 
 def check_scale(scale: float, of: str = "speed") -> None:

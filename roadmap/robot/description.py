@@ -1,5 +1,6 @@
 """What a URDF file says, checked: links, joints and shapes as plain data."""
 
+import codecs
 import io
 import math
 import os
@@ -142,7 +143,7 @@ def read_description(
         raise BadRobot(
             f"there is no URDF file at {str(path)!r}; give the path of a .urdf file"
         )
-    data = _well_formed(path)
+    data = well_formed(path)
     # parser and its dependencies take most of a second to import
     from yourdfpy import URDF
 
@@ -158,7 +159,12 @@ def read_description(
     return _bounded(_checked(model, path.name), path.name, endless)
 
 
-def _well_formed(path: Path) -> bytes:
+def read_xml(path: Path):
+    """Return the root of an XML file, whatever its text is stored in.
+
+    Raises:
+        BadRobot: It is not well-formed.
+    """
     from lxml import etree
 
     data = path.read_bytes()
@@ -166,7 +172,8 @@ def _well_formed(path: Path) -> bytes:
         data.decode("utf-8")
     except UnicodeDecodeError:
         # an old file with Latin-1 comments: names and numbers are ASCII anyway
-        data = data.decode("latin-1").encode("ascii", "replace")
+        if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            data = data.decode("latin-1").encode("ascii", "replace")
     # files beside pybullet declare this; whatever it is, they are plain XML
     data = re.sub(rb'^(\s*<\?xml version=["\'])0\.\d(?=["\'])', rb"\g<1>1.0", data)
     parser = etree.XMLParser(recover=True, resolve_entities=False)
@@ -175,6 +182,18 @@ def _well_formed(path: Path) -> bytes:
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
         raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
+    return root
+
+
+def well_formed(path: Path) -> bytes:
+    """Return the XML of a URDF file in UTF-8, whatever it is stored in.
+
+    Raises:
+        BadRobot: It is not well-formed, or not a robot.
+    """
+    from lxml import etree
+
+    root = read_xml(path)
     if path.suffix == ".xacro":
         raise BadRobot(
             f"{path.name} is a xacro file; expand it first: xacro {path.name} > "
@@ -194,7 +213,7 @@ def _well_formed(path: Path) -> bytes:
     _check_parts(root, path.name)
     _check_words(root, path.name)
     _check_numbers(root, path.name)
-    return etree.tostring(root)
+    return etree.tostring(root, encoding="utf-8")
 
 
 def _check_parts(root, filename: str) -> None:

@@ -21,10 +21,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path
     folder = urdf.resolve().parent
     remedy = "correct the file's name, which starts at the folder of the URDF"
     if filename.startswith("package://"):
-        remedy = (
-            "pass package_dirs=[...] or set ROS_PACKAGE_PATH to the folder that holds "
-            "the package"
-        )
+        remedy = "set ROS_PACKAGE_PATH to the folder that holds the package"
         candidates = _in_packages(filename[len("package://") :], folder, package_dirs)
     else:
         plain = filename[len("file://") :] if filename.startswith("file://") else ""

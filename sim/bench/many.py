@@ -1,8 +1,9 @@
 """Runs of a bench, one after the other or some at a time."""
 
-import multiprocessing
 from collections.abc import Callable, Iterator
 from typing import Any
+
+from odm.processes import in_processes
 
 
 def play_all(
@@ -30,5 +31,5 @@ def _in_turn(play: Callable, jobs: list, processes: int) -> Iterator[dict]:
     if processes <= 1:
         yield from map(play, jobs)
         return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(play, jobs, chunksize=1)
+    with in_processes(processes, play, jobs) as played:
+        yield from played

@@ -3,6 +3,7 @@
 Commands import what they need when they run, so that `odm --help` answers at once.
 """
 
+import inspect
 import sys
 from functools import cache
 
@@ -82,7 +83,17 @@ app.add_typer(handover_command.app, name="handover")
 @cache
 def _door() -> "typer.core.TyperGroup":
     """Return the tree of all commands, made once a process."""
-    return typer.main.get_command(app)
+    door = typer.main.get_command(app)
+    _fill_lines(door)
+    return door
+
+
+def _fill_lines(command: "typer.core.TyperCommand | typer.core.TyperGroup") -> None:
+    """Join the lines of each paragraph of help, which a screen breaks itself."""
+    parts = inspect.cleandoc(command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(part.split()) for part in parts)
+    for inner in getattr(command, "commands", {}).values():
+        _fill_lines(inner)
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """`odm replay`: a recorded run again, a hand-over plan, or obstacle frames."""
 
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 _RUN = "A recorded run"
 _FRAMES = "Recorded obstacle frames"
 _PLAN = "A hand-over plan"
+_APART_S = 0.25  # stretches of one reason that are hardly apart [s]
+_PACES = {"slowed": "pace", "braked": "pace"}  # take turns for the same reason
 
 
 @dataclass(frozen=True)
@@ -376,12 +379,40 @@ def show_holds(facts: dict) -> None:
         f"{facts['map_hash'][:12]}, {facts['holds']} holds, {facts['slow']} times "
         "slowed or braked"
     )
-    for row in facts["rows"]:
+    for row, times in merged(facts["rows"]):
         what = f"  {row['what']}" if row["what"] == "later" else row["what"]
+        often = f"{times} times, first: " if times > 1 else ""
         print(
             f"{row['start_s']:9.3f} s to {row['end_s']:9.3f} s  {what:<10}  "
-            f"{row['reason']}"
+            f"{often}{row['reason'] or 'it goes on slowly after a stop'}"
         )
+
+
+def merged(rows: list[dict]) -> list[tuple[dict, int]]:
+    """Return rows with how many each stands for.
+
+    Those that are hardly apart, for the same reason but for its numbers, become one: of
+    the first's reason, "braked" where any of them was.
+    """
+    found: list[tuple[dict, int]] = []
+    for row in rows:
+        last, times = found[-1] if found else (None, 0)
+        if last is None or not _goes_on(last, row):
+            found.append((row, 1))
+            continue
+        end, what = max(last["end_s"], row["end_s"]), min(last["what"], row["what"])
+        found[-1] = {**last, "end_s": end, "what": what}, times + 1
+    return found
+
+
+def _goes_on(last: dict, row: dict) -> bool:
+    """Say whether a row is more of the one before."""
+    kinds, reasons = (
+        {_PACES.get(one["what"], one["what"]) for one in (last, row)},
+        {re.sub(r"[\d.]+", "", one["reason"]) for one in (last, row)},
+    )
+    near = row["start_s"] <= last["end_s"] + _APART_S
+    return near and len(kinds) == len(reasons) == 1
 
 
 def _rows(record: "RunRecord") -> list[tuple[float, float, str, str]]:

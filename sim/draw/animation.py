@@ -12,11 +12,12 @@ from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import FAINT, INK, TEAL
 from sim.draw.surroundings import balls_of
-from sim.draw.viewpoint import clearest, framed
+from sim.draw.viewpoint import above_words, clearest, framed
 from sim.loop.run_result import RETREATS, STATUS, RunResult
 
 CAME = "the person came to the standing robot"
 LEGS = 0.3  # a base that reaches so far below its frame has legs [m]
+WORDS = 0.11  # share of the picture's height that the line of words takes
 STICKY_S = 0.3  # a new path is announced at least so long [s]
 
 
@@ -56,7 +57,10 @@ def write_animation(
     robots = [robot_balls for robot_balls, _ in bodies]
     own = np.vstack([balls[robot.sphere_body > 0] for balls in robots])
     tool = np.vstack([balls[robot.sphere_body == robot.tip_body] for balls in robots])
-    camera = clearest(framed(settings.camera(), own, tool=tool), bodies, hiding)
+    people = np.vstack([person for _, person in bodies])
+    high = people[people[:, 2] >= np.median(people[:, 2])] if len(people) else people
+    camera = framed(settings.camera(), own, tool=tool)
+    camera = clearest(above_words(camera, high, WORDS), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     pictures = painted(lambda i: painter.paint(result, i), shown, tell)
     return write_gif(pictures, path, settings)

@@ -14,6 +14,7 @@ from sim.draw.surroundings import add_shaded, all_triangles, show_box
 _GIVER, _RECEIVER, _FURNITURE = TEAL, BLUE, WOOD
 _START, _GOAL, _HANDOVER = AMBER, RED, "#7b4fa3"
 _VIEWS = ((22.0, -62.0), (4.0, -90.0), (89.0, -90.0))  # elevation, azimuth [deg]
+_FILLS = 1.5  # zoom at which the longest side fills a view
 _NAMES = ("", "from the side", "from above")
 
 
@@ -56,11 +57,21 @@ def agent_triangles(placed: PlacedAgent, joints: dict[str, float]) -> np.ndarray
 def _draw(
     axis: object, parts: list[tuple[np.ndarray, str]], view: tuple[float, float]
 ) -> None:
-    triangles = add_shaded(axis, parts, 1.45).reshape(-1, 3)
-    low, high = triangles.min(axis=0), triangles.max(axis=0)
+    points = np.concatenate([corners.reshape(-1, 3) for corners, _ in parts])
+    low, high = points.min(axis=0), points.max(axis=0)
     low[2] = 0.0
+    add_shaded(axis, parts, _FILLS / _reach(high - low, view))
     show_box(axis, low, high)
     ring = np.array([[low[0], low[1]], [high[0], low[1]], high[:2], [low[0], high[1]]])
     ring = np.concatenate([ring, ring[:1]])
     axis.plot(ring[:, 0], ring[:, 1], 0.0, color=FAINT, lw=0.8)
     axis.view_init(*view)
+
+
+def _reach(size: np.ndarray, view: tuple[float, float]) -> float:
+    """Return how far a box (3,) reaches across or up the view, in half sides."""
+    rise, turn = np.deg2rad(view)
+    x, y, z = size / size.max()
+    across = abs(np.sin(turn)) * x + abs(np.cos(turn)) * y
+    along = abs(np.cos(turn)) * x + abs(np.sin(turn)) * y
+    return max(across, np.cos(rise) * z + np.sin(rise) * along)

@@ -141,6 +141,31 @@ def framed(
     return found
 
 
+def above_words(camera: Camera, balls: np.ndarray, words: float) -> Camera:
+    """Return the camera, lower and farther away where words hide what they must not.
+
+    Args:
+        camera: Where it stands by choice; kept where most is to be seen.
+        balls: (n, 4) what is to be seen above them, at some moments [m].
+        words: Share of the picture's height that they take at the bottom.
+    """
+    for _ in range(MOST_STEPS if len(balls) else 0):
+        pixels, _ = camera.project(balls[:, :3])
+        if np.mean(pixels[:, 1] > (1.0 - words) * camera.height) <= CUT:
+            break
+        eye, target = np.array(camera.eye), np.array(camera.target)
+        away = STEP_BACK * (eye - target)
+        far = float(np.linalg.norm(away))
+        target[2] -= 0.1 * far * np.tan(0.5 * np.radians(camera.fov_deg))
+        camera = replace(
+            camera,
+            eye=tuple((target + away).tolist()),
+            target=tuple(target.tolist()),
+            far=max(camera.far, far + FAR_PLANE),
+        )
+    return camera
+
+
 def _outside(camera: Camera, balls: np.ndarray) -> float:
     """Return which share of balls (n, 4) reaches out of the picture."""
     pixels, distance = camera.project(balls[:, :3])

@@ -14,7 +14,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
-from roadmap.robot.description import read_description
+from roadmap.robot.description import read_description, well_formed
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
@@ -265,11 +265,12 @@ def _without(noise: re.Pattern) -> Iterator[None]:
 
 
 def _lit(path: str, folder: Path) -> str:
-    """Return a URDF with meshes that light falls on: this one, or a copy in `folder`.
+    """Return a copy of a URDF in `folder`, in UTF-8, with meshes that light falls on.
 
-    Some STL files hold no normals, and such meshes would be drawn black.
+    Some STL files hold no normals, and such meshes would be drawn black; and the
+    library reads no UTF-16.
     """
-    text, names = Path(path).read_text(encoding="utf-8"), {}
+    text, names = well_formed(Path(path)).decode(), {}
     for name in sorted(set(re.findall(r'filename\s*=\s*"([^"]+)"', text))):
         try:
             names[name] = find_mesh(name, Path(path), (), "it")
@@ -283,8 +284,6 @@ def _lit(path: str, folder: Path) -> str:
         if data is not None:
             mended[name] = folder / f"{len(mended)}.stl"
             mended[name].write_bytes(data)
-    if not mended:
-        return path
     for name, file in (names | mended).items():
         text = text.replace(f'"{name}"', f'"{file.absolute()}"')
     copy = folder / Path(path).name

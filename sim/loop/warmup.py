@@ -38,10 +38,10 @@ from odm import (
     sample_capsules,
     surface_of,
 )
-from odm.audit.processes import in_processes
 from odm.cameras import look_at
 from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.processes import in_processes
 from odm.search._state import NO_ITEM
 from roadmap.chunks import Progress
 from roadmap.graph.connecting import RoadmapSettings

@@ -44,6 +44,7 @@ def _draw_latency(axis: object, result: RunResult, latency_us, shown: dict) -> N
         axis.axhline(shown[name], color=SLATE, lw=0.9, ls=style)
     axis.set(yscale="log", ylabel="latency [\N{MICRO SIGN}s]")
     axis.set(xlim=(0, result.duration_s), ylim=_log_limits(latency_us))
+    _plain_numbers(axis.yaxis)
     set_title(axis, "points in, path out: every frame")
     _shade_holds(axis, result)
 
@@ -52,12 +53,14 @@ def _draw_distribution(axis: object, latency_us: np.ndarray, shown: dict) -> Non
     low, high = _log_limits(latency_us)
     bins = np.geomspace(low, high, 60)
     axis.hist(latency_us, bins, orientation="horizontal", color=TEAL, alpha=0.75)
-    for name, style in (("p50", "-"), ("p99", "--")):
+    across = axis.get_yaxis_transform()
+    # on either side of their lines, which may lie on one another
+    for name, style, side in (("p50", "-", "top"), ("p99", "--", "bottom")):
         axis.axhline(shown[name], color=SLATE, lw=0.9, ls=style)
-        text = f"{name} {shown[name]:.0f} \N{MICRO SIGN}s"
-        across = axis.get_yaxis_transform()
-        axis.text(1.03, shown[name], text, color=INK, size=9, transform=across)
+        text, place = f"{name} {_duration(shown[name])}", (1.03, shown[name])
+        axis.text(*place, text, color=INK, size=9, transform=across, va=side)
     axis.set(yscale="log", ylim=(low, high), xlabel="frames")
+    _plain_numbers(axis.yaxis)
     set_title(axis, f"max {_duration(shown['max'])}")
 
 
@@ -66,23 +69,31 @@ def _draw_separation(axis: object, result: RunResult) -> None:
     time, least = _columns(-cm, result.rate_hz)
     axis.plot(time, -least, color=AMBER, lw=1.3)
     axis.axhline(0, color=RED, lw=0.9)
+    axis.set(xlabel="time [s]", ylabel="separation [cm]", xlim=(0, result.duration_s))
     closest = result.closest()
     if closest is not None:
         _mark_closest(axis, closest / result.rate_hz, cm[closest])
-    axis.set(xlabel="time [s]", ylabel="separation [cm]", xlim=(0, result.duration_s))
     set_title(axis, "exact distance of robot and person; holds shaded")
     _shade_holds(axis, result)
 
 
 def _mark_closest(axis: object, time: float, cm: float) -> None:
+    """Mark the least distance; it is told below, where no line can be."""
     axis.plot([time], [cm], "o", color=AMBER, ms=5)
+    low, high = axis.get_ylim()
+    axis.set_ylim(min(low, cm - 0.16 * (high - min(low, cm))), high)
+    begin, end = axis.get_xlim()
+    share = (time - begin) / (end - begin)
     axis.annotate(
         f"{cm:.1f} cm",
         (time, cm),
-        (8, 10),
+        (0, -6),
         textcoords="offset points",
+        ha="left" if share < 0.05 else "right" if share > 0.95 else "center",
+        va="top",
         color=INK,
         size=9,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
     )
 
 
@@ -113,6 +124,12 @@ def _columns(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray
 def _log_limits(values: np.ndarray) -> tuple[float, float]:
     low, high = float(np.min(values)), float(np.max(values))
     return max(0.7 * low, 0.5), max(1.5 * high, 2.0)
+
+
+def _plain_numbers(axis: object) -> None:
+    """Write 1,000 at the ticks of a logarithmic axis, and nothing between decades."""
+    axis.set_major_formatter("{x:,.0f}")
+    axis.set_minor_formatter("")
 
 
 def _duration(us: float) -> str:

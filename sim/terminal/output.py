@@ -21,9 +21,7 @@ from sim.terminal.progress import pulse
 _REMEDIES = (  # of Python, and of the command line
     (r"; change it in \w+Settings$", "; choose another value, see --help"),
     (r"in PlannerSettings\(finger_pads=\.\.\.\)$", "with --pads LINK"),
-    (r"pass package_dirs=\[\.\.\.\] or set (?=ROS_PACKAGE_PATH)", "set "),
     (r"check its pose T_base_camera$", "check --eye, or --pose"),
-    (r"choose a larger cover_excess$", "give the recipe a larger cover_excess"),
 )
 FINDING, MISTAKE = 1, 2  # exit codes: something was found; it could not be done
 

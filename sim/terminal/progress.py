@@ -131,7 +131,7 @@ class Bars:
 
     def __init__(self, waiting: str = "preparing") -> None:
         self._waiting, self._stage = waiting, (waiting, 0, 0)
-        self._begun = time.monotonic()
+        self._begun = self._since = time.monotonic()
         self._tasks: dict = {}
         self._bars = self._first = self._compile = None
         if _is_terminal():
@@ -147,8 +147,9 @@ class Bars:
 
     def __call__(self, stage: str, done: int, total: int) -> None:
         """Show how far a stage is; what every `progress=` argument wants."""
+        self._since = time.monotonic()
         if stage != self._stage[0]:
-            self._begun = time.monotonic()
+            self._begun = self._since
         self._stage = stage, done, total
         if self._bars is None:
             return
@@ -178,9 +179,10 @@ class Bars:
         if total <= 1:
             return stage
         text = f"{stage}: {done:,} of {total:,}"
-        passed = time.monotonic() - self._begun
+        passed = self._since - self._begun  # when so much was done, not now
         if 0 < done < total and passed > 1.0:
-            text += f", about {time_text(passed * (total - done) / done)} left"
+            left = passed * (total - done) / done - (time.monotonic() - self._since)
+            text += f", about {time_text(left)} left" if left > 0.0 else ""
         return text
 
     def __exit__(self, *_: object) -> None:

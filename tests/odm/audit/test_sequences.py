@@ -1,8 +1,6 @@
 """A planner that lives long answers what one that was just made would allow."""
 
 import json
-import operator
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +9,11 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from odm.audit.processes import in_processes
 from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequence
 from odm.audit.sequence_judge import Judge, solid_of
 from odm.audit.sequences import EVENTS, Sequence
 from odm.cell_map.recipe import PayloadRecipe
-from roadmap.errors import BadInput, PlanningError
+from roadmap.errors import BadInput
 
 ORDINARY = sorted(set(EVENTS) - {"grow"})
 
@@ -154,19 +151,6 @@ def test_the_audit_sums_up_and_its_own_audit_fails(carrying_map, tmp_path):
     assert not found.passed
     with pytest.raises(BadInput, match="certificate"):
         audit_sequences(tmp_path / "map", sabotage="rho")
-
-
-def test_processes_give_results_in_the_order_of_their_jobs():
-    with in_processes(2, operator.neg, [20, 3, 9, "x"], operator.index, (1,)) as found:
-        assert [next(found) for _ in range(3)] == [-20, -3, -9]
-        with pytest.raises(TypeError, match="unary"):
-            next(found)
-
-
-def test_a_process_that_was_killed_is_told_in_a_sentence():
-    with in_processes(1, os._exit, [9], operator.index, (1,)) as found:
-        with pytest.raises(PlanningError, match=r"it was killed.*take fewer processes"):
-            next(found)
 
 
 def test_an_audit_that_was_ended_by_hand_has_not_failed():

@@ -8,6 +8,7 @@ from roadmap import load_robot, tool_pose
 from roadmap.errors import BadRobot
 from roadmap.geometry.polytope import support
 from roadmap.geometry.spheres import robot_solids
+from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.robot.description import read_description
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE, Robot
 
@@ -67,6 +68,21 @@ def test_a_file_with_latin_1_comments_and_gazebo_tags_is_read(arm):
     text = path.read_text().replace("</robot>", "<!-- \xfc --><gz:x/></robot>")
     path.write_bytes(text.encode("latin-1"))
     assert load_robot(path, **COARSE).dof == 1
+
+
+@pytest.mark.parametrize("stored", ["utf-16", "utf-8-sig"])
+def test_a_file_in_another_encoding_is_read(arm, stored):
+    path = arm(BALL)
+    path.write_text(path.read_text().replace('"arm"', '"\xe4"'), encoding=stored)
+    assert "\xe4" in load_robot(path, **COARSE).link_names
+
+
+@pytest.mark.parametrize("stored", ["latin-1", "utf-16"])
+def test_an_srdf_in_another_encoding_is_read(tmp_path, stored):
+    pair = '<disable_collisions link1="a" link2="b" reason="Never"/>'
+    srdf = tmp_path / "r.srdf"
+    srdf.write_text(f"<robot><!-- \xfc -->{pair}</robot>", encoding=stored)
+    assert read_disabled_pairs(srdf) == {frozenset("ab"): "Never"}
 
 
 def test_joints_off_the_chain_are_locked_and_carried_along(urdf, link, joint):

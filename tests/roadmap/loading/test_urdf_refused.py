@@ -224,8 +224,9 @@ def test_a_zero_axis_is_refused(urdf, link, joint):
 
 def test_a_missing_or_broken_srdf_is_refused(arm, tmp_path):
     refuses(arm(BALL), "no SRDF file", srdf=tmp_path / "no.srdf")
-    (tmp_path / "r.srdf").write_text("<robot>")
-    refuses(arm(BALL), "not well-formed", srdf=tmp_path / "r.srdf")
+    for text, told in (("<robot>", "not well-formed"), ("<srdf/>", "leave it out")):
+        (tmp_path / "r.srdf").write_text(text)
+        refuses(arm(BALL), told, srdf=tmp_path / "r.srdf")
 
 
 def test_without_pybullet_the_panda_says_what_to_install(monkeypatch):

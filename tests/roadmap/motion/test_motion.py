@@ -93,6 +93,18 @@ def test_short_legs_and_limits_of_any_size_are_kept(panda, rng):
         check_limits(scaled, sampled(roadmap.time_path(scaled, path, blend=0.01)))
 
 
+def test_corners_beside_one_another_count_as_one(panda, rng):
+    soft = _with_limits(panda, (1.0, 1.0, 0.01))
+    for size in rng.uniform(3e-9, 3e-8, 20):
+        a, b = draw_path(panda, rng, 2)
+        along = (b - a) / np.linalg.norm(b - a) + 0.3 * rng.normal(size=(9, panda.dof))
+        steps = np.cumsum(rng.uniform(0.3, 1.0, (9, 1)) * size * along, axis=0)
+        for path in ([a, *(a + steps), b], [a, *(b - steps[::-1]), b]):
+            motion = roadmap.time_path(soft, path)
+            check_limits(soft, sampled(motion))
+            assert np.allclose(motion.q_end, b, atol=1e-12)
+
+
 def _with_limits(robot, factors):
     from dataclasses import replace
 

@@ -2,13 +2,16 @@
 
 import importlib
 import inspect
+import io
 import json
+import sys
 from pathlib import Path
 
 import pytest
 import typer
 from command_line import one_sentence
 
+import sim.__main__ as entry
 from odm import build_map, load_map
 from sim.bench.command import bench_modules, fill_section, run_bench
 from sim.cli import main as cli
@@ -31,6 +34,27 @@ def map_dir(tmp_path_factory):
 def test_every_command_explains_itself(odm, command):
     code, out, _ = odm(command, "--help")
     assert code == 0 and "Usage" in out
+
+
+@pytest.mark.parametrize("command", ["run", "demo", "replay"])
+def test_lines_of_help_are_broken_by_the_screen_alone(odm, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "80")
+    told = odm(command, "--help")[1].partition("OPTIONS]")[2].partition("\u256d")[0]
+    lines = [line.strip() for line in told.splitlines()]
+    for line, after in zip(lines, lines[1:], strict=False):
+        if line and after:  # the next word had no room
+            assert len(line) + 1 + len(after.split()[0]) > 78, line
+
+
+def test_output_that_is_closed_or_of_few_letters_ends_no_command(monkeypatch):
+    few = io.TextIOWrapper(io.BytesIO(), "ascii", newline="\n")
+    monkeypatch.setattr(sys, "stdout", few)
+    monkeypatch.setattr(sys, "stderr", None)
+    entry._mend_streams()
+    print("20 \N{MICRO SIGN}s", flush=True)
+    print("nobody hears", file=sys.stderr)
+    sys.stderr.close()
+    assert few.buffer.getvalue() == b"20 ?s\n"
 
 
 @pytest.mark.parametrize("part", ["run", "demo"])

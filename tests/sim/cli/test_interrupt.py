@@ -48,12 +48,17 @@ with interrupt.interruptible(), ThreadPoolExecutor(2) as pool:
     list(pool.map(time.sleep, [60, 60, 60]))
 """
 IN_PROCESSES = """
-from odm.audit.processes import in_processes
-work = (time.sleep, [0, 60], os.getpid, ())
+from odm.processes import in_processes
+work = (time.sleep, [0, 60])
 with interrupt.interruptible(), in_processes(1, *work) as results:
     next(results)
     ready()
     next(results)
+"""
+RUNS_OF_A_BENCH = """
+from sim.bench.many import play_all
+with interrupt.interruptible():
+    play_all(time.sleep, [0, 60, 0, 60], 2, lambda told: ready())
 """
 IN_CALLBACK = """
 class Loud:
@@ -177,8 +182,9 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert "never" not in out
 
 
-def test_processes_of_a_command_end_with_it_and_say_nothing(tmp_path):
-    with started(["-c", HEAD + IN_PROCESSES], tmp_path) as process:
+@pytest.mark.parametrize("script", [IN_PROCESSES, RUNS_OF_A_BENCH])
+def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
         code, seconds, _, err = end(process)
     assert code == 130 and seconds < PATIENCE_S

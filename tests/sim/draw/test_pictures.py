@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.draw import animation
+from odm import Box
+from sim.draw import animation, scene_picture
 from sim.draw.animation import floor_of, write_animation
 from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings, best_stretch
+from sim.draw.style import new_figure
+from sim.draw.surroundings import triangles_of
 from sim.draw.viewpoint import Camera
 from sim.loop.loop import LoopSettings, run_loop
+from sim.run import latency_plot
 from sim.run.latency_plot import write_latency_plot
 
 pytest.importorskip("matplotlib")
@@ -90,6 +94,35 @@ def test_the_latency_plot_is_written(run, tmp_path):
         assert len(image.convert("RGB").getcolors(1 << 24)) > 50
 
 
+def test_no_words_of_the_latency_plot_lie_on_others(run, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        latency_plot, "save", lambda figure, *_, **__: drawn.append(figure)
+    )
+    same = replace(run, wall_s=np.full(run.frames, 2e-5))
+    write_latency_plot(same, tmp_path / "latency.png")
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    texts = [text for axis in figure.axes for text in axis.texts if text.get_text()]
+    boxes = [text.get_window_extent().padded(-0.5) for text in texts]
+    assert len(boxes) == 6
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
+
+
 def test_a_run_without_a_person_can_be_plotted(straight, crane, places, tmp_path):
     alone = run_loop(straight, crane, places, None, LoopSettings(duration_s=0.5))
     assert write_latency_plot(alone, tmp_path / "alone.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (3.0, 2.0, 1.0), (1.0, 1.0, 4.0)])
+def test_the_floor_of_a_scene_is_inside_its_picture(size):
+    parts = [(triangles_of(Box(size)), "#000000")]
+    for k, view in enumerate(scene_picture._VIEWS, 1):
+        figure = new_figure(15.0, 6.0)
+        axis = figure.add_subplot(1, 3, k, projection="3d")
+        scene_picture._draw(axis, parts, view)
+        figure.draw_without_rendering()
+        (line,) = axis.get_lines()
+        floor = line.get_transform().transform(np.array(line.get_data()).T)
+        assert all(axis.bbox.contains(*corner) for corner in floor)

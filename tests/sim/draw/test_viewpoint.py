@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim.draw.viewpoint import Camera, _between, clearest, framed
+from sim.draw.viewpoint import Camera, _between, above_words, clearest, framed
 
 CAMERA = Camera(eye=(0.0, -2.0, 1.0), target=(0.0, 0.0, 0.5))
 
@@ -51,6 +51,14 @@ def test_a_body_too_large_for_the_picture_is_seen_from_farther_away():
     away = np.subtract(found.eye, found.target)
     assert np.linalg.norm(away) > np.linalg.norm([0.0, 2.0, 0.5])
     assert abs(np.cross(away, np.subtract(CAMERA.eye, CAMERA.target))).max() < 1e-9
+
+
+def test_words_at_the_bottom_hide_nobody_below_the_robot():
+    robot, person = ball(0, 0, 0.5), ball(0.2, 0.1, -0.4)
+    assert above_words(CAMERA, robot, 0.1) is CAMERA
+    found = above_words(CAMERA, person, 0.1)
+    pixels = found.project(np.vstack([robot, person])[:, :3])[0]
+    assert (pixels > 0).all() and (pixels < [found.width, 0.9 * found.height]).all()
 
 
 def test_a_tool_that_is_out_of_the_picture_moves_the_camera_though_the_body_fits():

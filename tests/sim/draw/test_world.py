@@ -266,6 +266,15 @@ def test_the_camera_projects_its_target_to_the_middle():
     assert CAMERA.metres(buffer) == pytest.approx(far)
 
 
+@pytest.mark.parametrize("stored", ["latin-1", "utf-16"])
+def test_a_urdf_in_another_encoding_is_drawn(crane_urdf, crane, stored, tmp_path):
+    pytest.importorskip("pybullet")
+    text = crane_urdf.read_text().replace("</robot>", "<!-- \xfc --></robot>")
+    (tmp_path / "odd.urdf").write_text(text, encoding=stored)
+    with World(tmp_path / "odd.urdf", crane) as world:
+        world.place([0.1, 0.2], HAND)
+
+
 def test_meshes_without_normals_are_not_black(tmp_path):
     pytest.importorskip("pybullet")
     import trimesh

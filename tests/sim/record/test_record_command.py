@@ -11,6 +11,7 @@ from recorded import crane_recipe, tampered
 
 from odm import build_map, load_map, load_recipe
 from sim.cli import build_command as cli_build
+from sim.cli.replay_command import holds_facts, merged
 from sim.loop.loop import Loop
 from sim.loop.warmup import tiny_recipe
 from sim.record import read_record, run_again, write_record
@@ -131,7 +132,8 @@ def test_holds_are_listed_without_a_map(odm, crane_urdf, tmp_path):
     code, out, _ = odm("replay", path, "--holds")
     lines = out.splitlines()
     assert code == 0 and f"{len(record.holds)} holds" in lines[0] and record.holds
-    for hold in record.holds:
+    told = [row for row, _ in merged(holds_facts(record)["rows"])]
+    for hold in [row for row in told if row["what"] in ("holding", "retreating")]:
         start = f"{hold['start_s']:.3f} s to"
         (line,) = [line for line in lines if start in line and "later" not in line]
         assert line.endswith(hold["reason"])
@@ -140,6 +142,26 @@ def test_holds_are_listed_without_a_map(odm, crane_urdf, tmp_path):
     assert code == 0 and data["holds"] == len(record.holds)
     starts = [row["start_s"] for row in data["rows"]]
     assert starts == sorted(starts) and record.holds[0]["start_s"] in starts
+
+
+def test_stretches_of_one_reason_that_are_hardly_apart_become_one():
+    def row(start, end, what, reason="a stop takes 5 ms"):
+        return {"start_s": start, "end_s": end, "what": what, "reason": reason}
+
+    rows = [
+        row(0.1, 0.2, "slowed"),
+        row(0.3, 0.4, "braked", "a stop takes 5.5 ms"),
+        row(0.4, 0.5, "slowed", ""),
+        row(0.5, 0.6, "holding", "goal 1 is blocked"),
+        row(0.7, 0.8, "holding", "goal 2 is blocked"),
+        row(1.8, 1.9, "holding", "goal 2 is blocked"),
+    ]
+    assert merged(rows) == [
+        (row(0.1, 0.4, "braked"), 2),
+        (rows[2], 1),
+        (row(0.5, 0.8, "holding", "goal 1 is blocked"), 2),
+        (rows[5], 1),
+    ]
 
 
 @pytest.mark.parametrize("only", ["--recipe-out", "--build", "--holds"])

@@ -152,6 +152,22 @@ def test_a_time_says_which_it_is(passed, left, text):
     assert times_text(passed, left) == text
 
 
+def test_what_is_left_never_grows_while_nothing_is_told(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    tell = Bars()
+    for now[0], done, line in (
+        (0.0, 0, "nodes: 0 of 100"),
+        (10.0, 20, "nodes: 20 of 100, about 40 s left"),
+        (25.0, None, "nodes: 20 of 100, about 25 s left"),
+        (90.0, None, "nodes: 20 of 100"),
+        (100.0, 40, "nodes: 40 of 100, about 2 min 30 s left"),
+    ):
+        if done is not None:
+            tell("nodes", done, 100)
+        assert tell.line() == line
+
+
 def test_a_bar_says_what_passed_and_what_is_left(monkeypatch, capsys):
     monkeypatch.setattr(progress, "_is_terminal", lambda: True)
     monkeypatch.setenv("COLUMNS", "100")

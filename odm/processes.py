@@ -15,13 +15,17 @@ from typing import Any
 from roadmap.errors import PlanningError
 
 
+def _nothing() -> None:
+    """Prepare nothing."""
+
+
 @contextmanager
 def in_processes(
     number: int,
     run: Callable[[Any], Any],
     jobs: list,
-    prepare: Callable[..., None],
-    given: tuple,
+    prepare: Callable[..., None] = _nothing,
+    given: tuple = (),
 ) -> Iterator[Iterator[Any]]:
     """Yield an iterator of what each job returns, in their order.
 
