@@ -834,7 +834,8 @@ class ReactivePlanner:
 
         Points must cover their surfaces within the map's rho. Nodes and edges that
         the scenery blocks are closed for good; call again to replace it. What comes and
-        goes, or is to be told by name, belongs into `scene`.
+        goes, or is to be told by name, belongs into `scene`, and so does what may be
+        large enough to hold the whole robot: here only the surfaces of shapes count.
         """
         with self.memory.owner.changing("set_static"):
             self.scene.set_static(place_points(points_or_shapes, self.rho))

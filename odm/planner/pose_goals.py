@@ -21,6 +21,7 @@ from roadmap.transforms import check_pose
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
 _GOAL = 2e-7  # [m or rad] what a descent aims at
 _LARGEST = (0.5, np.pi)
+_MORE = 8  # times as many seeds where a pose is reached, but by nothing that is free
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +97,14 @@ class PoseGoals:
         world, refused = self._frame.world, []
         found: list[tuple[tuple, int, np.ndarray]] = []
         for k, T in enumerate(rows):
-            qs, why = self._solutions(np.asarray(world.pose(T)), tolerance)
+            T_base = np.asarray(world.pose(T))
+            qs, why = self._solutions(T_base, tolerance)
             if why is not None:
                 refused.append(Refused(k, why))
             free = self._free(qs)
+            if len(qs) and not free.any():  # it is reached, and another may be free
+                qs, _ = self._solutions(T_base, tolerance, _MORE)
+                free = self._free(qs)
             ranks = iter(self._ranks(qs[free]))
             for q, is_free in zip(qs, free.tolist(), strict=True):
                 if is_free:
@@ -129,12 +134,16 @@ class PoseGoals:
         )
 
     def _solutions(
-        self, T: np.ndarray, tolerance: tuple[float, float]
+        self, T: np.ndarray, tolerance: tuple[float, float], times: int = 1
     ) -> tuple[np.ndarray, str | None]:
-        """Return distinct (k, dof) within limits that reach a pose; or why not."""
+        """Return distinct (k, dof) within limits that reach a pose; or why not.
+
+        From so many times the seeds of the settings, and as many times `enough`.
+        """
         pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
-        near = self._near.nearest(pose, min(self.settings.seeds, len(self._nodes)))
-        kept, n = np.empty((self.settings.enough, self._robot.dof)), 0
+        seeds, enough = times * self.settings.seeds, times * self.settings.enough
+        near = self._near.nearest(pose, min(seeds, len(self._nodes)))
+        kept, n = np.empty((enough, self._robot.dof)), 0
         best, at = (np.inf, np.inf), self._nodes[near[0]]
         starts = self._nodes[near]
         if np.isfinite(self._frame.q).all():
@@ -142,7 +151,7 @@ class PoseGoals:
         # from there once more, if all were too short
         long = list(starts[: self.settings.long])
         for k, start in enumerate([*starts, *long]):
-            if n == self.settings.enough or (n and k >= len(starts)):
+            if n == enough or (n and k >= len(starts)):
                 break
             q = np.array(start)
             if k < len(starts):

@@ -89,6 +89,21 @@ def test_the_scene_refuses_solutions(small_map):
     assert len(planner.set_goals(poses=[T]).goals)
 
 
+def test_where_no_solution_is_free_more_are_looked_for(small_map, monkeypatch):
+    planner = odm.ReactivePlanner(small_map)
+    static, counts = planner.frame.static, []
+    is_free = static.motions_free
+
+    def not_at_first(q, dq):
+        counts.append(len(q))
+        return is_free(q, dq) & (len(counts) > 1)
+
+    monkeypatch.setattr(static, "motions_free", not_at_first)
+    found = PoseGoals(planner.frame, PoseSettings(same=0.0, enough=3))
+    assert len(found.solve([tool_pose(planner.robot, AWAY)], None, None).goals) == 1
+    assert counts == [3, 24]
+
+
 def test_a_tolerance_takes_what_is_near_enough(asked):
     T = tool_pose(asked.robot, AWAY)
     T[:3, 3] *= 1.002
