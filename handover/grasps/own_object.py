@@ -21,9 +21,10 @@ from roadmap.transforms import moved_points, pose_of, pose_with
 
 GRASPING = GraspSettings(samples=60)  # enough for one good grasp, in seconds
 MOST_RODS = 12  # each costs every frame
-FIST = 0.05  # [m] of the object must stick out of the gripper for a person's hand
+FIST = 0.06  # [m] of the object must stick out of the gripper for a person's hand
+_CLEAR_FIST = 0.07  # [m] from the gripper to the middle of that hand, or it is in it
 _ENOUGH = 0.15  # [m] more than this is no better
-_FIST_FROM_END = 0.07  # [m] from the object's end to the middle of that hand
+_FIST_FROM_END = 0.06  # [m] from the object's end to the middle of that hand, at most
 _FINE = 0.006  # [m] longest edge of the triangles that rods are laid around
 _SLACK = 1.15  # a rod's radius, over the farthest point from its axis
 # the object's x points out of the hand, along the tool's z
@@ -66,16 +67,22 @@ def held_mesh(
             f"{100 * max(sticks_out, 0.0):.1f} cm however it is held, but a person's "
             f"hand needs {100 * FIST:.0f} cm; give a longer object"
         )
-    return _held(thing, moved_points(corners, best), len(pads))
+    return _held(thing, moved_points(corners, best), len(pads), sticks_out)
 
 
-def _held(thing: GraspObject, corners: np.ndarray, n_pads: int) -> HeldObject:
-    """Return what is held, by its triangles (m, 3, 3) in the tool frame [m]."""
+def _held(
+    thing: GraspObject, corners: np.ndarray, n_pads: int, sticks_out: float
+) -> HeldObject:
+    """Return what is held, by its triangles (m, 3, 3) in the tool frame [m].
+
+    It sticks out of the gripper by `sticks_out` [m]; a person's hand takes it near the
+    end of that, or at the very end where the hand would be in the gripper.
+    """
     points = corners.reshape(-1, 3)
     T = pose_with(_OUT_OF_HAND, 0.5 * (points.min(axis=0) + points.max(axis=0)))
     own = (corners - T[:3, 3]) @ T[:3, :3]
     end = float(own[..., 0].max())
-    place = max(end - _FIST_FROM_END, end - 0.5 * FIST - 0.5 * _FIST_FROM_END)
+    place = end - min(max(sticks_out - _CLEAR_FIST, 0.0), _FIST_FROM_END)
     turns = 2 if n_pads == 2 else 1  # two jaws hold it turned by half a turn as well
     grasps = fist_grasps([place])
     return HeldObject(thing.name, rods_around(own), thing.mass_kg, T, grasps, turns)

@@ -142,9 +142,11 @@ class Berth:
         if not self._larger:
             return there
         rows[:people, 6] += larger
-        told = Obstacles(capsules=rows)
-        rooms = [_room_text(wider) for wider in larger.tolist()]
-        told.labels = {"capsules": rooms + [""] * (len(rows) - people)}
+        told, n = Obstacles(capsules=rows), len(rows)
+        words = there.labels.get("capsules", [""] * n)
+        rooms = [_room_text(wider) for wider in larger.tolist()] + [""] * (n - people)
+        both = zip(words, rooms, strict=True)
+        told.labels = {"capsules": [" ".join(filter(None, one)) for one in both]}
         return told
 
     def _lower(self) -> None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handover.human.body import ARM_LABELS
+from handover.human.body import ARM_LABELS, Part
 from handover.targets.allowance import Allowance
 from handover.targets.live_targets import BLOCKED as OCCUPIED
 from handover.targets.live_targets import THERE, LiveTargets
@@ -61,6 +61,7 @@ from sim.story.settings import (
 from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
+_WORDS = {int(part): part.words for part in Part}
 _HANDS = [labels[0] for labels in ARM_LABELS.values()]
 
 
@@ -210,6 +211,7 @@ class Handover:
         self._due = True  # whether grasps are looked for again, once there is time
         self._allowance = Allowance.lasting(self.executor.period)
         self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        self._words: list[str] = []  # what reasons call the person's parts, the object
         self._signalled: set[str] = set()  # what held in the last frame
         # (3,) where the object stands for itself; None: nowhere that is known
         self._stands_at = self._T_place[:3, 3] if self.fetches else None
@@ -382,6 +384,7 @@ class Handover:
         if self.view.phase == "receive":
             classes[len(rows) :] = OBJECT
         there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
+        there.labels = {"capsules": self._words[: len(classes)]}
         everything = there.capsules
         threat = self._watcher.look(everything, frame.now) if len(everything) else None
         speed = self._speed_of_object(frame)
@@ -449,6 +452,8 @@ class Handover:
             hand = np.flatnonzero(labels == ARM_LABELS[self._side][0])
             arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self._side]))
             known = self._arms = labels.tobytes(), hand, arm
+            words = [_WORDS.get(label, "") for label in labels.tolist()]
+            self._words = [*words, *["the object"] * len(self._obj.capsules)]
         return known[1], known[2]
 
     def _tell(self, seen: _Seen, every: float) -> None:
@@ -1137,7 +1142,11 @@ class Handover:
         """Return the shapes that may not be touched by anything in this phase."""
         if self.view.phase is None or not (seen.classes != AVOID).any():
             return seen.there
-        return Obstacles(capsules=seen.there.capsules[seen.classes == AVOID])
+        avoided = seen.classes == AVOID
+        there = Obstacles(capsules=seen.there.capsules[avoided])
+        words = zip(self._words, avoided.tolist(), strict=False)
+        there.labels = {"capsules": [word for word, kept in words if kept]}
+        return there
 
     def _go(self, seen: _Seen, q: np.ndarray, goals: list[np.ndarray]) -> object:
         """Go to the first goal that is free."""

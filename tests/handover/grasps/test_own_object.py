@@ -44,6 +44,18 @@ def test_a_mesh_is_held_by_its_end_and_points_out_of_the_hand(robot, bottle):
     assert (places > 0.0).all() and (places < 0.0975).all()
 
 
+def test_a_persons_hand_on_a_short_object_is_not_where_the_gripper_is(robot, tmp_path):
+    """It was, on a cup: nobody could take one, or give it."""
+    trimesh.creation.box((0.05, 0.05, 0.12)).export(tmp_path / "short.stl")
+    obj = held(robot, tmp_path / "short.stl")
+    balls = robot.spheres[[robot.link_names[k] in PADS for k in robot.sphere_link]]
+    front = float((balls[:, 2] + balls[:, 3]).max()) - robot.T_body_tip[2, 3]
+    end = obj.T_tool_object[2, 3] + 0.06
+    middle = obj.T_tool_object[2, 3] + obj.hand_grasps[:, 0, 3]
+    assert (middle <= end + 1e-6).all()
+    assert (middle > front + 0.055).all()
+
+
 def test_rods_hold_all_of_a_mesh_and_little_more():
     box = trimesh.creation.box((0.2, 0.06, 0.02))
     corners = np.array(box.triangles)
@@ -60,7 +72,7 @@ def test_rods_hold_all_of_a_mesh_and_little_more():
     "size, scale, told",
     [
         ((0.2, 0.15, 0.12), 1.0, "cannot hold thing of 20 x 15 x 12 cm"),
-        ((0.03, 0.03, 0.03), 1.0, "a person's hand needs 5 cm; give a longer object"),
+        ((0.03, 0.03, 0.03), 1.0, "a person's hand needs 6 cm; give a longer object"),
         ((200.0, 30.0, 30.0), 1.0, "millimetres, give a scale of 0.001"),
     ],
 )

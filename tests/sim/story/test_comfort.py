@@ -136,6 +136,11 @@ def test_a_slow_robot_is_told_of_a_larger_person_and_of_no_larger_object():
     # distances in the planner's reasons are to the larger person
     named = [around.name(k) for k in range(2)]
     assert named == ["capsule 0 (with 3.0 cm of room around it)", "capsule 1"]
+    there.labels = {"capsules": ["torso", "the object"]}
+    around = berth.around(there, 1, BALLS, held=False, hindered=False)
+    named = [around.name(k) for k in range(2)]
+    assert named[0] == "capsule 0 (torso with 3.0 cm of room around it)"
+    assert named[1] == "capsule 1 (the object)"
 
 
 def test_a_quick_robot_and_one_beside_nobody_are_told_of_what_there_is():
