@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadmap.errors import BadInput, did_you_mean
-
-
-def _at_height(z: float) -> np.ndarray:
-    T = np.eye(4)
-    T[2, 3] = z
-    return T
+from roadmap.transforms import pose_with
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +123,7 @@ _PANDA = HandSpec(
     (("panda_finger_joint1",),),  # the other finger follows this one
     {"panda_finger_joint1": 0.0},
     ({"panda_finger_joint1": 0.04},),
-    _at_height(0.066),  # the hull of the hand's mesh ends there
+    pose_with(np.eye(3), (0.0, 0.0, 0.066)),  # the hull of the hand's mesh ends there
 )
 _HANDS = {
     spec.name: spec

@@ -865,7 +865,7 @@ class Handover:
         """
         k = self._at_place[1]
         reach, self.view.at_place = look.found[k], True
-        with self.view.as_in("receive", np.full(len(seen.classes), AVOID, np.int8)):
+        with self.view.receiving(np.full(len(seen.classes), AVOID, np.int8)):
             free = self.view.line_free(reach.q_before, reach.q, seen.there)
         self.view.at_place = False
         waited = self.settings.blocked_s if self._places.now == 0 else 0.0
@@ -1233,7 +1233,7 @@ class Handover:
             return
         classes = np.array(self.view.classes)
         classes[seen.people :] = OBJECT
-        with self.view.as_in("receive", classes):
+        with self.view.receiving(classes):
             free = self.view.line_free(reach.q_before, reach.q, seen.there)
         others = [one for one in self._free_lines if one[0] is not reach]
         kept = [one for one in others if any(one[0] is r for r in found)]

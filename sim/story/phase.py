@@ -174,15 +174,10 @@ class PhasePlanner:
         return float(ball_gaps(balls, self.person).min())
 
     @contextmanager
-    def as_in(self, phase: str | None, classes: np.ndarray) -> Iterator[None]:
-        """Test by the rules of another phase meanwhile; afterwards as before.
-
-        Args:
-            phase: "give", "receive" or None.
-            classes: (k,) class of each of the shapes that are told meanwhile.
-        """
+    def receiving(self, classes: np.ndarray) -> Iterator[None]:
+        """Test as in "receive" meanwhile, with these classes (k,) of the shapes."""
         before = self.phase, self.classes
-        self.phase, self.classes = phase, classes
+        self.phase, self.classes = "receive", classes
         try:
             yield
         finally:

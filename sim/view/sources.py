@@ -69,11 +69,7 @@ class Source(ABC):
 
 
 class Recorded(Source):
-    """A recording, which needs nothing but its file.
-
-    Attributes:
-        robot: Its robot.
-    """
+    """A recording, which needs nothing but its file."""
 
     def __init__(self, record: RunRecord) -> None:
         self.record, self.robot = record, robot_of(record)
