@@ -2,6 +2,7 @@
 
 import difflib
 import os
+import sys
 import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
@@ -15,7 +16,7 @@ from odm.close_test.safety import TERMS, Safety, between
 from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, is_between
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
@@ -244,8 +245,7 @@ def _check_types(table: dict) -> None:
         values = robot.get(key, {})
         _is(dict, values, f"robot.{key}", "a table of joints and numbers")
         for joint, value in values.items():
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not number or not np.isfinite(value):
+            if not is_between(value, -sys.float_info.max, sys.float_info.max):
                 raise BadRecipe(
                     f"robot.{key}.{joint} is {value!r}, but must be a finite number; "
                     "change it in the recipe"

@@ -55,7 +55,8 @@ class RoadmapSettings:
             where = "roadmap.max_step in rad or m"
             check_number(where, self.max_step, 1e-3, 1e3, where="the recipe")
         if self.weights is not None:
-            _check_rows("weights", self.weights, (len(self.weights),), 1e-6)
+            many = len(self.weights) if hasattr(self.weights, "__len__") else 1
+            _check_rows("weights", self.weights, (many,), 1e-6)
         if self.region is not None:
             _check_rows("region", self.region, (2, 3), -1e3)
 

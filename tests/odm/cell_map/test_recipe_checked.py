@@ -26,6 +26,8 @@ from roadmap.errors import BadRecipe
         ("[robot]\nlocked = 3", "robot.locked is 3"),
         ('[robot.locked]\nj = "open"', "robot.locked.j is 'open'"),
         ("[robot.velocity]\nj = nan", "robot.velocity.j is nan"),
+        (f"[robot.locked]\nj = 1{400 * '0'}", "must be a finite number"),
+        ("[roadmap]\nweights = 3", "roadmap.weights is 3"),
         ("name = 3", "name is 3"),
         ('name = "arm"', "names no robot; write [robot] with source"),
         ('[robot]\ntip = "hand"', "names no robot"),
