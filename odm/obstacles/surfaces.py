@@ -12,7 +12,7 @@ import numpy as np
 
 from odm.obstacles import shapes as solid
 from odm.obstacles._surfaces import SHRINK, sample_rods
-from roadmap.arrays import frozen
+from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.transforms import moved_points
@@ -153,7 +153,8 @@ def sample_capsules(capsules: np.ndarray, spacing: float = 0.03) -> np.ndarray:
         BadInput: Wrong shape, a value that is not finite, or a radius <= 0.
     """
     check_spacing(spacing)
-    return sample_rods(False, checked_rods(capsules, "capsule"), spacing)
+    rods = checked_rods(capsules, "capsule")
+    return sample_rods(False, writable(rods), float(spacing))
 
 
 def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray:
@@ -167,7 +168,7 @@ def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray
             f"cylinder {i} has length {length[i]} m and so no direction: give it two "
             "different ends, or use a sphere"
         )
-    return sample_rods(True, rods, spacing)
+    return sample_rods(True, writable(rods), float(spacing))
 
 
 def sample_spheres(spheres: np.ndarray, spacing: float = 0.03) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import odm
+from odm.execution._threat import write_sharpest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import (
     CloudThreat,
@@ -345,6 +346,10 @@ def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
         soon = lately.likely(0.1).capsules
         assert np.array_equal(one.likely(0.1).capsules, soon[1:])
         assert np.array_equal(one.as_lately().most, lately.most[1:])
+        two = lately.of(np.array([1, 0])).as_lately()
+        assert np.array_equal(two.most, lately.most[::-1])
+    layouts = {s[1].layout for s in write_sharpest.signatures}
+    assert layouts == {"C"}  # another would be compiled while the robot moves
     assert watcher.look(now[:1], 0.2).as_lately().most is None  # seen anew
 
 

@@ -1,14 +1,18 @@
 """What is compiled ahead: the table fits the loops, one process begins each of them."""
 
+import importlib
 import json
 import os
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 
+from odm import Obstacles, ReactivePlanner, sample_capsules
+from roadmap.motion.motion import time_path
 from sim.bench.compile_jobs import Types
 from sim.terminal import ahead
 from sim.terminal.compiling import Compiling
@@ -44,6 +48,58 @@ def test_the_table_names_loops_that_are_there(command):
     ]:
         done.update(ready)
     assert len(done) == len(jobs), "some wait for each other"
+
+
+def read_only(array):
+    array.flags.writeable = False
+    return array
+
+
+@pytest.mark.parametrize(
+    "laid_out",
+    [read_only, np.asfortranarray, np.float32, lambda a: np.repeat(a, 2, 0)[::2]],
+    ids=["read-only", "by columns", "float32", "strided"],
+)
+def test_arrays_laid_out_in_other_ways_ask_for_no_other_loop(small_map, laid_out):
+    """It would be compiled in the frame that has them: 0.3 s, and more."""
+
+    def compiled():
+        return {
+            (loop.py_func.__module__, loop.py_func.__name__, *map(str, given))
+            for loop in all_loops
+            for given in loop.signatures
+        }
+
+    modules = {name for name, *_ in json.loads(ahead.TABLE.read_text())["jobs"]}
+    loaded = map(importlib.import_module, sorted(modules))
+    all_loops = [
+        one for module in loaded for one in vars(module).values()
+        if isinstance(one, Dispatcher)
+    ]  # fmt: skip
+    before = compiled()
+    start, goal = np.float64(small_map.roadmap.nodes[[0, -1]])
+    q, path = laid_out(start[None])[0], laid_out(np.stack([start, goal]))
+    points = laid_out(np.random.default_rng(0).normal([0.6, 0.3, 0.5], 0.1, (99, 3)))
+    rods = laid_out(np.array([[0.6, 0.2, 0.4, 0.6, 0.5, 0.6, 0.05]]))
+    planner = ReactivePlanner(small_map)
+    planner.set_goals([path[1]])
+    for seen in points, sample_capsules(rods), Obstacles(capsules=rods, points=points):
+        planner.step(seen, q=q, dq=np.zeros_like(q))
+        planner.improve()
+        planner.blocked_leg(path, 0.05, points)
+        planner.separation(q)
+        planner.evasion(q, [(0.1, points)], 0.5)
+        planner.expect(points)
+        planner.see(seen, q)
+    planner.set_base(laid_out(np.eye(4)))
+    planner.set_static(laid_out(np.full((3, 3), 5.0)))
+    time_path(small_map.robot, path).at(0.1)
+    types_of = ahead.decoded(json.loads(ahead.TABLE.read_text())["types"])
+    known = {
+        (module, name, *(str(types_of[k]) for k in given))
+        for module, name, given, _ in json.loads(ahead.TABLE.read_text())["jobs"]
+    }
+    assert compiled() - before <= known
 
 
 def test_each_loop_is_compiled_once_and_after_those_it_calls(tmp_path, monkeypatch):
