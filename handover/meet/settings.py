@@ -61,7 +61,7 @@ class QualitySettings(CheckedSettings):
     beta_safety: float = setting(_HALF, 1e-9, 1e9)
     beta_effort: float = setting(_HALF, 1e-9, 1e9)
     weights: tuple[float, ...] = (0.2,) * 5
-    safety_distance: float = setting(0.2, 1e-9, 10.0, "m")
+    safety_distance: float = setting(0.2, 1e-9, 9.99, "m")
     forearm_counts: bool = True
     absent_gaze: str = "torso"
     online_weight: float = setting(5.0 / 6.0, 0.0, 1.0)

@@ -100,7 +100,7 @@ class SeenSpace:
         self._buffers.forget()
         self.stamp: float | None = None
         self._last: float | None = None  # stamp of the last frame, fit or not
-        self._newest = 0.0  # of the last that came in order
+        self._newest = 0.0  # stamp up to which what is remembered has aged [s]
         self._clock = 0.0  # like the stamps, but it never goes back [s]
         self._seen_at = 0.0  # of the last fit frame, by that clock
 
@@ -190,8 +190,11 @@ class SeenSpace:
                 "ones, so what is remembered has no age; deliver images in order, by "
                 "one clock"
             )
-        # what came late is passed over; else the clock was set back, and goes on
-        self._clock += stamp - (last if stamp < self._newest else self._newest)
+        passed = stamp - self._newest
+        if passed < 0.0 and -passed <= self.settings.memory_s:
+            return None  # one of several that came late: it ages nothing
+        # below 0 the clock was set back by more than is remembered, and goes on
+        self._clock += passed if passed >= 0.0 else stamp - last
         self._newest = stamp
         return None
 

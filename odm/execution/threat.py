@@ -237,8 +237,9 @@ class Threat:
         s = self.settings
         if len(self.past) < 3 or not s.acceleration:
             return self.as_so_far()
-        rows = slice(None) if self.rows is None else self.rows
-        seen = np.array([ends[rows] for _, ends in self.past])
+        seen = np.array([ends for _, ends in self.past])
+        if self.rows is not None:
+            seen = seen.take(self.rows, axis=1)  # in C order, unlike seen[:, rows]
         times = np.array([t for t, _ in self.past])
         most = np.zeros(seen.shape[1])
         span = float(self.follow.spurt_s) if s.noise else 0.0

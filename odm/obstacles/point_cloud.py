@@ -143,10 +143,8 @@ class PointCloud:
         self, points: np.ndarray, crop: "_Crop", limit: float | None
     ) -> np.ndarray:
         """Return the points (n, 3) inside; count the others, note what is wrong."""
-        there, limit = (
-            crop.in_frame(points),
-            crop.max_range_m if limit is None else limit,
-        )
+        there = crop.in_frame(points)
+        limit = crop.max_range_m if limit is None else limit
         if self.trouble is None:
             away = crop.away(there)
             n_beyond = int(np.count_nonzero(away > limit))

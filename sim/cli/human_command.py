@@ -181,7 +181,11 @@ def _show(facts: dict) -> None:
     console.print(
         f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
         f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "
-        + ", ".join(f"{k[5:-2]} {v:.2f}" for k, v in reach.items() if k[:5] == "grip_")
+        + ", ".join(
+            f"{name.removeprefix('grip_').removesuffix('_m')} {far:.2f}"
+            for name, far in reach.items()
+            if name.startswith("grip_")
+        )
         + f" m; shoulder {reach['shoulder_height_m']:.2f} m and eyes "
         f"{reach['eye_height_m']:.2f} m above the floor",
         soft_wrap=True,

@@ -201,6 +201,17 @@ def test_images_that_come_late_age_nothing(small_map, camera):
     assert state_of(space, HAND_AT) == "unseen"
 
 
+def test_several_images_that_come_late_in_order_age_nothing(small_map, camera):
+    space = after(small_map, camera, 0.05, memory_s=0.2, speed=0.0)
+    image = hidden(picture(camera, HAND))
+    for late in (4.9, 4.96, 5.02):  # two of them are in order again
+        space.update(image, Q, late)
+    assert space.update(image, Q, 5.15).trouble is None
+    assert state_of(space, HAND_AT) == "remembered"  # 0.15 s old by now
+    space.update(image, Q, 5.25)
+    assert state_of(space, HAND_AT) == "unseen"
+
+
 def test_time_that_passes_in_unfit_frames_counts(small_map, camera):
     space = after(small_map, camera, 0.05, memory_s=0.2, speed=0.0)
     blind = np.zeros((camera.height, camera.width), np.uint16)

@@ -70,8 +70,8 @@ def test_arrays_laid_out_in_other_ways_ask_for_no_other_loop(small_map, laid_out
             for given in loop.signatures
         }
 
-    modules = {name for name, *_ in json.loads(ahead.TABLE.read_text())["jobs"]}
-    loaded = map(importlib.import_module, sorted(modules))
+    table = json.loads(ahead.TABLE.read_text())
+    loaded = map(importlib.import_module, sorted({name for name, *_ in table["jobs"]}))
     all_loops = [
         one for module in loaded for one in vars(module).values()
         if isinstance(one, Dispatcher)
@@ -94,10 +94,10 @@ def test_arrays_laid_out_in_other_ways_ask_for_no_other_loop(small_map, laid_out
     planner.set_base(laid_out(np.eye(4)))
     planner.set_static(laid_out(np.full((3, 3), 5.0)))
     time_path(small_map.robot, path).at(0.1)
-    types_of = ahead.decoded(json.loads(ahead.TABLE.read_text())["types"])
+    types_of = ahead.decoded(table["types"])
     known = {
         (module, name, *(str(types_of[k]) for k in given))
-        for module, name, given, _ in json.loads(ahead.TABLE.read_text())["jobs"]
+        for module, name, given, _ in table["jobs"]
     }
     assert compiled() - before <= known
 
