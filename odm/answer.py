@@ -1,7 +1,7 @@
 """What the planner says to a frame."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -36,13 +36,25 @@ NOTHING = Blockers()
 
 
 class Explains(Protocol):
-    """What knows why the robot holds and how it could get away; asked once each."""
+    """What knows why the robot holds and how it could get away."""
 
-    def reason(self) -> tuple[str, Blockers]:
-        """Return the reason and what stands behind it."""
+    @property
+    def told(self) -> tuple[str, Blockers]:
+        """The reason and what stands behind it."""
 
-    def retreat(self) -> np.ndarray | None:
-        """Return a (k, dof) motion out of the way, or None."""
+    @property
+    def led(self) -> np.ndarray | None:
+        """A (k, dof) motion out of the way, or None."""
+
+
+class Told(NamedTuple):
+    """What was explained of a hold, without the planner that knew it."""
+
+    told: tuple[str, Blockers] = "", NOTHING
+    led: np.ndarray | None = None
+
+
+NOT_HOLDING = Told()
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -71,11 +83,9 @@ class Answer:
     _times: tuple[int, int]  # begin and end [ns]
     # `Stats` of `odm/search/_state.py` as bytes: what was counted is seldom looked at
     _counted: bytes
-    _explain: Explains | None = None  # asked when the reason or the retreat is
+    _why: Explains = NOT_HOLDING  # asked when the reason or the retreat is
     stage: str | None = None
     held: str | None = None
-    _told: tuple[str, Blockers] | None = None
-    _led: tuple[np.ndarray | None] | None = None
 
     @property
     def frame(self) -> int:
@@ -108,12 +118,12 @@ class Answer:
     @property
     def reason(self) -> str | None:
         """One sentence when holding: what blocks what, and what would help."""
-        return self._tell()[0] or None
+        return self._why.told[0] or None
 
     @property
     def blockers(self) -> Blockers:
         """Edges, cells, points and link behind the reason."""
-        return self._tell()[1]
+        return self._why.told[1]
 
     @property
     def retreat(self) -> np.ndarray | None:
@@ -121,24 +131,15 @@ class Answer:
 
         It leads away from the points, to be executed at reduced speed.
         """
-        if self._led is None:
-            self._led = (None if self._explain is None else self._explain.retreat(),)
-        return self._led[0]
-
-    def _tell(self) -> tuple[str, Blockers]:
-        if self._told is None:
-            none = ("", NOTHING)
-            self._told = none if self._explain is None else self._explain.reason()
-        return self._told
+        return self._why.led
 
     def __getstate__(self) -> tuple[None, dict]:
         """Return what copies and pickles hold: all that was told, not the planner.
 
         The reason and the retreat are asked for now, in the planner's own thread.
         """
-        self._tell(), self.retreat
         state = {name: getattr(self, name) for name in self.__slots__}
-        return None, {**state, "_explain": None}
+        return None, {**state, "_why": Told(self._why.told, self._why.led)}
 
     def __repr__(self) -> str:
         """Say the status and its core."""

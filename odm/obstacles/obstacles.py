@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ _WRONG = {
 def _written_in_place(kind: str, row: str) -> Any:  # noqa: ANN401 (a property)
     """Return the rows of one kind of shape; setting them writes into the array."""
     return property(
-        lambda self: self._views[kind],
+        attrgetter("_" + kind),  # in C: a frame reads them
         lambda self, rows: self._write(kind, rows),
         doc=f"{row} [m]; setting it writes into the array.",
     )
@@ -77,8 +78,8 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
-        "_meshes", "_points", "_size", "_views", "classes", "counts", "data", "labels",
-        "poses", "shape_classes",
+        "_boxes", "_capsules", "_cylinders", "_hulls", "_meshes", "_points", "_size",
+        "_spheres", "classes", "counts", "data", "labels", "poses", "shape_classes",
     )  # fmt: skip
 
     def __init__(
@@ -102,7 +103,7 @@ class Obstacles:
                 return
         if type(meshes) is not tuple and not isinstance(meshes, Sequence):
             raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
-        self._meshes = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
+        self._hulls = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
             "capsules": capsules,
@@ -111,7 +112,7 @@ class Obstacles:
             "boxes": boxes,
             "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
-        self._views, self.counts = _NO_ROWS.copy(), _NO_COUNTS.copy()
+        self._hold_nothing()
         rows = {}
         for k, kind in enumerate(KINDS):
             if given[kind] is not _NONE:
@@ -123,10 +124,11 @@ class Obstacles:
         at = self._size = 0
         for kind, part in rows.items():
             n, width = part.shape
-            self._views[kind] = self.data[at : at + part.size].reshape(n, width)
+            view = self.data[at : at + part.size].reshape(n, width)
+            setattr(self, "_" + kind, view)
             at, self._size = at + part.size, self._size + n
-        self.poses = self._views["meshes"].reshape(-1, 3, 4) if poses else _NO_POSES
-        self._points = _NO_POINTS
+        if poses:
+            self.poses = self._meshes.reshape(-1, 3, 4)
         if points is not None:
             self.points = points
         self.shape_classes = np.zeros(self._size, np.int8)
@@ -135,15 +137,17 @@ class Obstacles:
         if classes is not None:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
 
+    def _hold_nothing(self) -> None:
+        self._capsules, self._spheres, self._cylinders, self._boxes, self._meshes = (
+            _NO_ROWS
+        )
+        self.counts, self.poses, self._points = _NO_COUNTS.copy(), _NO_POSES, _NO_POINTS
+
     def _hold_capsules(self, capsules: np.ndarray | int) -> None:
-        rows = _rows("capsules", capsules, WIDTHS[0])
-        rows = np.array(rows)
-        self._size = n = len(rows)
-        self._meshes, self.data = [], rows.ravel()
-        self._views, self.counts = _NO_ROWS.copy(), _NO_COUNTS.copy()
-        self._views["capsules"] = rows
-        self.counts[0] = n
-        self.poses, self._points = _NO_POSES, _NO_POINTS
+        self._hold_nothing()
+        self._capsules = rows = np.array(_rows("capsules", capsules, WIDTHS[0]))
+        self.counts[0] = self._size = n = len(rows)
+        self._hulls, self.data = [], rows.ravel()
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
 
@@ -198,19 +202,14 @@ class Obstacles:
     cylinders = _written_in_place("cylinders", "(k, 7) ends of the axis and radius")
     boxes = _written_in_place("boxes", "(k, 15) pose (3, 4) and edge lengths")
 
-    @property
-    def points(self) -> np.ndarray:
-        """(n, 3) points beside the shapes [m]; any other array may take its place."""
-        return self._points
-
-    @points.setter
-    def points(self, points: np.ndarray) -> None:
-        self._points = check_points(points, None, None, np.inf)
-
-    @property
-    def meshes(self) -> list["Hull"]:
-        """The meshes as convex hulls, each in its own frame."""
-        return self._meshes
+    points = property(
+        attrgetter("_points"),
+        lambda self, rows: self._take_points(rows),
+        doc="(n, 3) points beside the shapes [m]; any other array may take its place.",
+    )
+    meshes = property(
+        attrgetter("_hulls"), doc="The meshes as `Hull`, each in its own frame."
+    )
 
     def name(self, k: int) -> str:
         """Return what shape k is called: its kind and number, and its label."""
@@ -227,8 +226,11 @@ class Obstacles:
         k += int(self.counts[:kind].sum())
         return f"{self.name(k)} {_WRONG[code]}"
 
+    def _take_points(self, points: np.ndarray) -> None:
+        self._points = check_points(points, None, None, np.inf)
+
     def _write(self, kind: str, rows: np.ndarray) -> None:
-        there = self._views[kind]
+        there = getattr(self, "_" + kind)
         rows = as_floats(kind, rows)
         if rows.shape != there.shape:
             raise BadInput(
@@ -247,7 +249,7 @@ class Obstacles:
             )
         given = {kind: values for kind, values in given.items() if values is not None}
         for kind, values in given.items():
-            n = len(self._points if kind == "points" else self._views[kind])
+            n = len(getattr(self, "_" + kind))
             if len(values) != n:
                 raise BadInput(
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "
@@ -326,7 +328,7 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else
-_NO_ROWS = {k: np.zeros((0, w)) for k, w in zip(KINDS, WIDTHS, strict=True)}
+_NO_ROWS = [np.zeros((0, w)) for w in WIDTHS]  # as in `KINDS`
 _NO_DATA, _NO_POSES = np.zeros(0), np.zeros((0, 3, 4))
 _NO_COUNTS = np.zeros(len(KINDS), np.int64)
 _WHOLE = (int, np.integer)

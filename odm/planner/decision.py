@@ -100,8 +100,8 @@ class Decision:
         attacher, self.only_seen, self.joined = self.attacher, False, False
         if attacher.is_stale:
             attacher.forget_all()
-        lingers = attacher.without_cells and not self.path.followed
-        self._joins_first = first = self.new_goals or lingers
+        first = self.new_goals or (attacher.without_cells and not self.path.followed)
+        self._joins_first = first
         return not first
 
     def decide(self, q: np.ndarray, now: float | None, said: int) -> int:

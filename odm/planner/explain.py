@@ -56,8 +56,9 @@ class Reasons:
         self.epoch = frame.epoch
         self.q = frame.q.copy()
 
-    def reason(self) -> tuple[str, Blockers]:
-        """Return the reason and what stands behind it."""
+    @cached_property
+    def told(self) -> tuple[str, Blockers]:
+        """The reason and what stands behind it."""
         self.frame.memory.owner.check()
         if self._unable is not None:
             return self._unable, NOTHING
@@ -65,8 +66,9 @@ class Reasons:
             return "no free path was found (ask for the reason in the frame)", NOTHING
         return self._blocked()
 
-    def retreat(self) -> np.ndarray | None:
-        """Return a motion that gets away from the points, or None."""
+    @cached_property
+    def led(self) -> np.ndarray | None:
+        """A motion that gets away from the points, or None."""
         self.frame.memory.owner.check()
         if self._unable is not None or self._is_over:
             return None

@@ -15,6 +15,7 @@ from odm.answer import (
     HOLDING,
     IN_USE,
     LAYER,
+    NOT_HOLDING,
     REPLANNED,
     ROADMAP,
     SEARCH,
@@ -22,6 +23,7 @@ from odm.answer import (
     VISIBLE,
     WHOLE,
     Answer,
+    Explains,
     Freedom,
 )
 from odm.approach.approach import Approacher
@@ -582,7 +584,7 @@ class ReactivePlanner:
         begun: int,
         closed: bool,
         stage: str | None,
-        why: Reasons | None = None,
+        why: Explains = NOT_HOLDING,
     ) -> Answer:
         held = None if self.frame.thing is None else self.held_by
         answer = self.last = Answer(
