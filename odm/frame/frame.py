@@ -146,6 +146,9 @@ class Frame:
         self._copies_q, self._dof = False, cell_map.robot.dof
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
+        # whose arrays the table points at, and where they put their points
+        self._lent: Obstacles | None = None
+        self._room: np.ndarray | None = None
         # shapes and classes that were checked and not taken yet; None: as before
         self._told: tuple[Obstacles | None, np.ndarray | None] | None = None
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -284,7 +287,8 @@ class Frame:
         """
         points = obstacles.points
         if (
-            obstacles is not self._known
+            obstacles is not self._lent
+            or self.points.base is not self._room
             or points is not self._taken
             or len(points) != self.n_given
             or obstacles.classes is not None
@@ -295,7 +299,13 @@ class Frame:
             return None
         if q is not self._asked or self._copies_q or len(q) != self._dof:
             self.asked(q)
-        return self._take_shapes(self._points_view, None, None, self.q_taken)
+        said = step.step_again(self.memory.table, self.q_taken)
+        if said != step.NOT_ASKED:
+            self.trouble = None
+            return said
+        n = self.memory.numbers.taken.item()
+        self._take_rest(n, self._points_view, None, None)
+        return said
 
     def _take_shapes(
         self,
@@ -310,12 +320,14 @@ class Frame:
         table, data, counts = memory.table, obstacles.data, obstacles.counts
         if q is not None and now_seen.base is room:
             n_before = len(now_seen)
+            self._lent, self._room = obstacles, room
             said = step.step_shapes(table, points, data, counts, room, n_before, q)
             if said != step.NOT_ASKED:
                 self.trouble = None
                 return said
             n = memory.numbers.taken.item()
         else:
+            self._lent = None
             n = kernels.begin_shapes(table, points, data, counts, room)
         self._take_rest(n, points, stamp, now)
         return step.NOT_ASKED
@@ -392,6 +404,7 @@ class Frame:
 
     def _know(self, obstacles: Obstacles) -> None:
         """Lay out what never changes about obstacles: room, and their meshes."""
+        self._lent = None
         # what has no meshes needs rows alone
         if obstacles.meshes or len(obstacles) > len(self.memory.solids.kind):
             self._fit_shapes(obstacles)

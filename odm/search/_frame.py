@@ -64,7 +64,7 @@ def take_points(state, points, n_given):
 def take(state, given, points, n_given):
     """As `take_points`; the given points are copied to `points` first, if any are."""
     cloud, extra = view(state, "cloud"), view(state, "terms").extra[0]
-    show(state, "seen", points)
+    show(state, "seen", 0, points)
     clear(cloud)
     mark_more(given, points, 0, n_given, cloud)
     cloud.counts[N_GIVEN] = n_given

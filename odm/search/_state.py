@@ -48,6 +48,18 @@ class Seen(NamedTuple):
     points: np.ndarray = array("f8", "seen 3", FRAME)
 
 
+class Lent(NamedTuple):
+    """The arrays by which a frame with shapes came; see `step_again`.
+
+    They are the caller's and the frame's own, which `odm.frame.Frame` keeps alive.
+    """
+
+    given: np.ndarray = array("f8", "seen 3", FRAME)
+    data: np.ndarray = array("f8", "seen", FRAME)
+    counts: np.ndarray = array("i8", "seen", FRAME)
+    room: np.ndarray = array("f8", "seen 3", FRAME)
+
+
 class Graph(NamedTuple):
     """The roadmap's neighbours and what never changes about its items."""
 
@@ -460,6 +472,7 @@ class Groups:
     arm: Arm
     work: Work
     seen: Seen  # the frame's points as they came
+    lent: Lent  # the arrays by which they and the shapes came
     cloud: Cloud  # the same by block
     solids: Solids  # the frame's shapes
     patterns: Patterns  # what their samples are made from
@@ -573,25 +586,29 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
 
 
 @intrinsic
-def show(typingctx, table, name, array):  # noqa: ANN001, ANN201
-    """Let a group that is one array be this array, which the caller keeps alive."""
-    if not isinstance(name, types.StringLiteral):
+def show(typingctx, table, name, field, array):  # noqa: ANN001, ANN201
+    """Let an array of a group be this array, which the caller keeps alive.
+
+    Its place in the group is written out, as the group's name is.
+    """
+    literal = types.StringLiteral, types.IntegerLiteral
+    if not (isinstance(name, literal[0]) and isinstance(field, literal[1])):
         return None
     kind, first = KINDS[name.literal_value], first_row(name.literal_value)
-    (field,) = declared(kind).values()
-    if array != _member(field, None):
+    first += field.literal_value
+    if array != _member([*declared(kind).values()][field.literal_value], None):
         return None
 
     def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
         rows = make_array(signature.args[0])(context, builder, args[0]).data
-        given = make_array(signature.args[2])(context, builder, args[2])
+        given = make_array(signature.args[3])(context, builder, args[3])
         at = builder.ptrtoint(given.data, cgutils.intp_t)
         row = [at, *cgutils.unpack_tuple(builder, given.shape)]
         for k, number in enumerate(row, _WIDTH * first):
             builder.store(number, builder.gep(rows, [cgutils.intp_t(k)]))
         return context.get_dummy_value()
 
-    return types.void(table, name, array), codegen
+    return types.void(table, name, field, array), codegen
 
 
 def _member(field, block):  # noqa: ANN001, ANN202

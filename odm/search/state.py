@@ -107,9 +107,10 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     block = named["pool"].block.dtype
     check({name: (KINDS[name], group) for name, group in named.items()}, block)
     table = table_of(named, block)
-    if "table" in vars(memory):  # the frame's own array stays where it is
-        row = first_row("seen")
-        table[row] = memory.table[row]
+    if "table" in vars(memory):  # arrays that are not the memory's own stay
+        for name in ("seen", "lent"):
+            rows = slice(first_row(name), first_row(name) + len(declared(KINDS[name])))
+            table[rows] = memory.table[rows]
     for name, value in {**groups, "table": table}.items():
         object.__setattr__(memory, name, value)
 

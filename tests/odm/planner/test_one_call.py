@@ -13,7 +13,7 @@ from odm.search import _frame, _step
 POST = np.array([[0.75, 0.75, 0.0, 0.75, 0.75, 0.5, 0.05]])  # within the grid
 CALLS = {
     _frame: ("begin_step", "begin_shapes"),
-    _step: ("step_points", "step_shapes", "respond"),
+    _step: ("step_points", "step_shapes", "step_again", "respond"),
 }
 
 
@@ -60,7 +60,7 @@ def calls_of(planner, seen, **given):
 
 def test_a_frame_whose_path_is_kept_is_one_call(planner, seen):
     shapes = isinstance(seen, odm.Obstacles)
-    assert calls_of(planner, seen) == ["step_shapes" if shapes else "step_points"]
+    assert calls_of(planner, seen) == ["step_again" if shapes else "step_points"]
 
 
 def test_the_age_of_a_frame_is_judged_before_it_is_answered(planner, seen):

@@ -164,8 +164,8 @@ def test_a_read_only_q_is_read_where_it_lies(standing):
     assert view.flags.carray
     assert view.__array_interface__["data"][0] == q.__array_interface__["data"][0]
     types = []
-    real = _step.step_shapes
-    with patch.object(_step, "step_shapes", side_effect=real) as call:
+    real = _step.step_again
+    with patch.object(_step, "step_again", side_effect=real) as call:
         for _ in range(2):
             planner.step(held, q=q)
             types.append(call.call_args.args[-1].flags.writeable)
@@ -177,3 +177,25 @@ def test_a_read_only_q_is_read_where_it_lies(standing):
     for _ in range(2):
         single[0] += 0.01
         assert (planner.step(held, q=single).path[0] == single).all()
+
+
+def test_samples_lie_in_the_frames_array_after_a_base_brought_shapes_near(small_map):
+    """There was no room for as many; since then another array holds the points."""
+    settings = odm.PlannerSettings(point_capacity=16)
+    near, low = [0.3, 0.3, 50.4, 0.7, 0.3, 50.4, 0.05], np.eye(4)
+    low[2, 3] = 50.0
+    spot = [0.3, 0.3, 50.4, 0.301, 0.3, 50.4, 0.01]  # few samples
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    planner.set_goals([AWAY])
+    held = odm.Obstacles(capsules=[near])
+    for _ in range(3):
+        planner.step(held, q=HOME)
+    assert len(planner.points) == 1  # what is far away has one sample
+    planner.set_base(low)
+    assert len(planner.points) > 16
+    held.capsules[:] = spot
+    planner.step(held, q=HOME)
+    once = odm.ReactivePlanner(small_map)
+    once.set_base(low)
+    once.step(odm.Obstacles(capsules=[spot]), q=HOME)
+    assert planner.points.tobytes() == once.points.tobytes() != b""

@@ -132,7 +132,7 @@ def test_a_frames_points_are_in_the_table_where_they_are(planner, rng):
 
 
 def test_only_an_array_as_it_is_declared_is_shown(memory):
-    shows = njit(lambda table, array: show(table, "seen", array))
+    shows = njit(lambda table, array: show(table, "seen", 0, array))
     shows(memory.table, np.zeros((4, 3)))
     for wrong in (np.zeros((4, 3), np.float32), np.zeros(12), np.zeros((3, 4)).T):
         with pytest.raises(TypingError):
