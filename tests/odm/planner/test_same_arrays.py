@@ -181,21 +181,22 @@ def test_a_read_only_q_is_read_where_it_lies(standing):
 
 def test_samples_lie_in_the_frames_array_after_a_base_brought_shapes_near(small_map):
     """There was no room for as many; since then another array holds the points."""
-    settings = odm.PlannerSettings(point_capacity=16)
-    near, low = [0.3, 0.3, 50.4, 0.7, 0.3, 50.4, 0.05], np.eye(4)
+    spot = np.array([0.75, 0.75, 0.1, 0.75, 0.75, 0.11, 0.02])  # few samples
+    wall = np.array([0.3, 0.3, 50.4, 0.7, 0.3, 50.4, 0.05])
+    low, down = np.eye(4), np.array([0, 0, 50.0, 0, 0, 50.0, 0])
     low[2, 3] = 50.0
-    spot = [0.3, 0.3, 50.4, 0.301, 0.3, 50.4, 0.01]  # few samples
+    settings = odm.PlannerSettings(point_capacity=20)
     planner = odm.ReactivePlanner(small_map, settings=settings)
     planner.set_goals([AWAY])
-    held = odm.Obstacles(capsules=[near])
+    held = odm.Obstacles(capsules=[spot, wall])
     for _ in range(3):
         planner.step(held, q=HOME)
-    assert len(planner.points) == 1  # what is far away has one sample
+    assert len(planner.points) < 20
     planner.set_base(low)
-    assert len(planner.points) > 16
-    held.capsules[:] = spot
+    assert len(planner.points) > 20
+    held.capsules[:] = spot + down, wall - down
     planner.step(held, q=HOME)
     once = odm.ReactivePlanner(small_map)
     once.set_base(low)
-    once.step(odm.Obstacles(capsules=[spot]), q=HOME)
+    once.step(odm.Obstacles(capsules=[spot + down, wall - down]), q=HOME)
     assert planner.points.tobytes() == once.points.tobytes() != b""
