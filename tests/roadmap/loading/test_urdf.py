@@ -145,6 +145,54 @@ def test_a_continuous_joint_does_not_wrap_where_a_follower_does_not(
     assert any("breaks the turn" in note for note in robot.notes)
 
 
+@pytest.mark.parametrize(
+    ("follows", "stops", "kept"),
+    [
+        ('multiplier="2" offset="0.5"', (-1.5, 2.0), (-1.0, 0.75)),
+        ('multiplier="-1"', (-0.5, 9.0), (-2.0, 0.5)),
+        ('multiplier="0.5"', (-1.0, 0.75), None),  # all of it, to the last bit
+        ('multiplier="0" offset="9"', (-1.0, 1.0), None),
+        ('multiplier="2"', (0.0, 0.0), None),  # what exporters write for nothing
+    ],
+)
+def test_no_follower_leaves_its_limits(follows, stops, kept, urdf, link, joint):
+    """A follower of a follower counts as well; who is told says so by name."""
+    robot = load_robot(urdf(_two_followers(link, joint, follows, stops)), **COARSE)
+    assert (robot.lower[0], robot.upper[0]) == pytest.approx(kept or (-2.0, 1.5))
+    notes = [note for note in robot.notes if "lead: kept within" in note]
+    assert len(notes) == (kept is not None) and all("second" in n for n in notes)
+
+
+def test_a_continuous_joint_stops_where_its_follower_does(urdf, link, joint):
+    def follows(stops):
+        text = _two_followers(link, joint, 'multiplier="1"', stops, "continuous")
+        return load_robot(urdf(text), **COARSE)
+
+    robot = follows((-1.0, 4.0))
+    assert not robot.continuous[0]
+    assert (robot.lower[0], robot.upper[0]) == pytest.approx((-1.0, np.pi))
+    robot = follows((-4.0, 4.0))  # it turns to a stop, though not within one turn
+    assert not robot.continuous[0] and robot.upper[0] == np.pi
+    assert follows((-1e16, 1e16)).continuous[0]
+
+
+def test_a_follower_that_leaves_no_range_is_told(urdf, link, joint):
+    body = _two_followers(link, joint, 'offset="5"', (-1.0, 1.0))
+    with pytest.raises(BadRobot, match="'lead'.*'second'.*correct one <limit>"):
+        load_robot(urdf(body), **COARSE)
+
+
+def _two_followers(link, joint, follows, stops, kind="revolute"):
+    """Return a chain of a joint, one that follows it, and one that follows that."""
+    limit = f'<limit lower="{stops[0]}" upper="{stops[1]}" velocity="1" effort="1"/>'
+    body = link("base") + link("a", BALL) + link("b", BALL) + link("c", BALL)
+    body += joint("lead", kind, "base", "a")
+    first = '<mimic joint="lead"/>'
+    body += joint("first", "continuous", "a", "b", "1 0 0", inside=first)
+    second = f'{limit}<mimic joint="first" {follows}/>'
+    return body + joint("second", "revolute", "b", "c", "1 0 0", inside=second)
+
+
 def test_missing_velocity_limits_get_stated_defaults(arm):
     zero = '<limit lower="-1" upper="1" velocity="0" effort="1"/>'
     for kind, speed in (("revolute", 1.0), ("prismatic", 0.1)):
