@@ -85,6 +85,22 @@ def test_an_srdf_in_another_encoding_is_read(tmp_path, stored):
     assert read_disabled_pairs(srdf) == {frozenset("ab"): "Never"}
 
 
+def test_links_that_only_the_srdf_has_are_told(arm, tmp_path):
+    pair = '<disable_collisions link1="{}" link2="{}"/>'
+    srdf = tmp_path / "r.srdf"
+
+    def told(*pairs):
+        body = "".join(pair.format(*names) for names in pairs)
+        srdf.write_text(f"<robot>{body}</robot>")
+        notes = load_robot(arm(BALL), srdf=srdf, **COARSE).notes
+        return [note for note in notes if "SRDF" in note]
+
+    assert told() == told(("base", "arm")) == []
+    assert "'Arm', 'hand', which" in told(("base", "Arm"), ("hand", "arm"))[0]
+    many = told(*[("base", f"l{k}") for k in range(9)])[0]
+    assert "'l5' and 3 more" in many and "l6" not in many
+
+
 def test_joints_off_the_chain_are_locked_and_carried_along(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL) + link("c", BALL)
     limit = '<limit lower="0.2" upper="0.6" velocity="1" effort="1"/>'
