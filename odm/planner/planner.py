@@ -902,7 +902,7 @@ class ReactivePlanner:
         """Return whether the robot would keep clear of the last frame's points at q.
 
         The part of `is_free` that changes from frame to frame: limits, self-collision
-        and scenery are not looked at.
+        and scenery are not looked at. Points outside the grid count as well.
 
         Args:
             q: (dof,) [rad or m].
@@ -921,10 +921,9 @@ class ReactivePlanner:
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
 
-        And from its shapes. Points outside the grid are not counted: the cover is
-        farther than rho + m from them at every q, and that is all that is known.
-        Infinity when nothing is left; minus infinity after a frame that could not be
-        used: then the person may be anywhere.
+        And from its shapes; also from what is outside the grid. Infinity where there is
+        nothing; minus infinity after a frame that could not be used: then the person
+        may be anywhere.
 
         Raises:
             BadInput: Wrong length or not finite.
