@@ -13,11 +13,14 @@ class SortedCloud:
 
     Points outside the grid count, too: radii may be grown by extra clearance, or by how
     far a person can come. So its words are no occupancy.
+
+    Attributes:
+        cloud: The points that were laid out last.
     """
 
     def __init__(self, grid: WorkspaceGrid) -> None:
         self.grid = grid
-        self._cloud = grid.new_cloud(0)
+        self.cloud = grid.new_cloud(0)
 
     def of(self, points: np.ndarray) -> object:
         """Return (n, 3) points [m] as a cloud; the one before is overwritten."""
@@ -25,9 +28,9 @@ class SortedCloud:
 
     def of_all(self, points: np.ndarray) -> tuple[object, int]:
         """Return the same and how many are not finite, which are left out."""
-        if len(points) > len(self._cloud.where):
-            self._cloud = self.grid.new_cloud(2 * len(points))
-        return self._cloud, lay_out(points, self._cloud)
+        if len(points) > len(self.cloud.where):
+            self.cloud = self.grid.new_cloud(2 * len(points))
+        return self.cloud, lay_out(points, self.cloud)
 
 
 class SortedClouds:

@@ -17,10 +17,11 @@ from odm.checks import check_classes, check_configuration, check_points
 from odm.close_test._arm import Arm, Work
 from odm.close_test._close import FIRST_SOLID
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
+from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import LAYOUT, SORTED
+from odm.obstacles._cloud import LAYOUT, N_OUTSIDE, SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
@@ -161,6 +162,8 @@ class Frame:
         self.trouble: str | None = None
         self._unfit: str | None = None  # what a cloud that came last says of itself
         self.loaded = 0  # how often a memory was loaded
+        self._sorted_outside = SortedCloud(grid)  # of the points of an epoch
+        self._outside_in: tuple[int, int] | None = None
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled, and what holds a frame with it."""
@@ -697,21 +700,44 @@ class Frame:
 
         The points laid out in `cloud` (None: the frame's), with `more` distance kept
         [m]. With `escape` only what is too near now may be near; see `_close.py`.
+        Points outside the grid count where the robot's own reach does not keep it off.
         """
         test = self.close_test
         if more:
             test = test.grown(more)
-        return test.clear(q, dq, self._laid_out(cloud), escape, self.solids)
+        if not test.clear(q, dq, self._laid_out(cloud), escape, self.solids):
+            return False
+        if cloud is not None or not (more > 0.0 or self.thing is not None):
+            return True
+        outside = self._outside_grid()
+        return outside is None or test.clear(q, dq, outside, escape)
 
     def separation(
         self, q: np.ndarray, cloud: object = None, most: float = np.inf
     ) -> float:
         """Return the least distance of the cover at q from points, at most `most` [m].
 
-        None for `cloud`: from the frame's points and shapes.
+        None for `cloud`: from the frame's points and shapes, also outside the grid.
         """
         solids = self.solids if cloud is None else NO_SOLIDS
-        return self.close_test.separation(q, self._laid_out(cloud), most, solids)
+        test = self.close_test
+        gap = test.separation(q, self._laid_out(cloud), most, solids)
+        outside = self._outside_grid() if cloud is None else None
+        return gap if outside is None else test.separation(q, outside, gap)
+
+    def _outside_grid(self) -> object | None:
+        """Return the given points outside the grid, laid out once; None: no point is.
+
+        No cell knows of them, and they are in no list of the frame's cloud.
+        """
+        cloud, epoch = self.memory.cloud, self.epoch
+        if cloud.counts[N_OUTSIDE] == 0:
+            return None
+        if self._outside_in != epoch:
+            outside = cloud.where[: self.n_given] < 0
+            self._sorted_outside.of(self.points[: self.n_given][outside])
+            self._outside_in = epoch
+        return self._sorted_outside.cloud
 
     def _laid_out(self, cloud: object) -> object:
         if cloud is not None:

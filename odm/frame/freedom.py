@@ -33,6 +33,8 @@ def is_free(
 
     Scenery and last points are the frame's; a phase is tested by `last_phase`.
     """
+    if phase is not None:
+        last_phase.links_that_may(phase)
     ends = []
     for name, q in (("q_a", q_a), ("q_b", q_b)):
         q = check_numbers(frame.robot, q, name)

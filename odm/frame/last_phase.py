@@ -56,7 +56,7 @@ class LastPhase:
 
         BadInput for no phase, nothing to give, or no pads to receive with.
         """
-        self._may = self._links_that_may(phase)
+        self._may = self.links_that_may(phase)
         if len(points) or self._chosen is None or len(self._chosen):
             chosen = np.zeros(len(points), bool)
             if classes is not None:
@@ -162,7 +162,8 @@ class LastPhase:
         self._known = copies, found
         return found
 
-    def _links_that_may(self, phase: str) -> set[str]:
+    def links_that_may(self, phase: str) -> set[str]:
+        """Return the links that may touch something in a phase; BadInput as `look`."""
         frame = self.frame
         if phase not in _TOUCHED:
             raise BadInput(

@@ -48,6 +48,8 @@ class PathTest:
                 f"an extra of {extra} m takes away more than the clearance m; give "
                 f"{least:.4g} m or more"
             )
+        if phase is not None:
+            self.last_phase.links_that_may(phase)
         unknown = not math.isfinite(extra)
         if points is None:
             points, classes = frame.points[: frame.n_given], frame.classes

@@ -80,16 +80,12 @@ class SensorWatch:
         """Return why this frame's obstacle data cannot be used at all, or None.
 
         `counts` are of the cloud in which its points were just marked, `shown` tells
-        more about them; both times as in `ReactivePlanner.step` [s].
+        more about them; both times as in `ReactivePlanner.step` [s], and checked.
         """
         bad = counts.item(N_BAD)
         if bad:
             return not_finite(bad)
         if stamp is not None or now is not None:
-            if not (_is_time(stamp) and _is_time(now)):
-                raise BadInput(
-                    f"stamp is {stamp!r} and now is {now!r}; give seconds as numbers"
-                )
             before = self.newest
             # mostly it is like this; a NaN is not
             fine = stamp is not None and now is not None
@@ -165,6 +161,9 @@ class SensorWatch:
         )
 
 
-def _is_time(value: object) -> bool:
-    """Return whether a time is a number, or left out; numpy's numbers are, too."""
-    return value is None or isinstance(value, Real)
+def check_times(stamp: float | None, now: float | None) -> None:
+    """Refuse times that are no numbers; numpy's numbers are some. BadInput."""
+    if not all(time is None or isinstance(time, Real) for time in (stamp, now)):
+        raise BadInput(
+            f"stamp is {stamp!r} and now is {now!r}; give seconds as numbers"
+        )

@@ -43,7 +43,7 @@ from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
 from odm.frame.path_test import PathTest
 from odm.frame.place import place_points
-from odm.frame.sensor_watch import SensorWatch
+from odm.frame.sensor_watch import SensorWatch, check_times
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import checked_rods
@@ -440,9 +440,10 @@ class ReactivePlanner:
             The answer; "no path" is one, no exception.
 
         Raises:
-            BadInput: Wrong shape or dtype, a covering radius above the map's rho, or a
-                mesh that is too large to be sampled. The first frame with a new mesh
-                samples it, which takes 4 to 100 ms.
+            BadInput: Wrong shape or dtype, a covering radius above the map's rho, a
+                time that is no number, or a mesh that is too large to be sampled; the
+                last frame stays. The first frame with a new mesh samples it, which
+                takes 4 to 100 ms.
         """
         begun, frame = perf_counter_ns(), self.frame
         said = None
@@ -459,6 +460,7 @@ class ReactivePlanner:
         else:
             if type(points) is PointCloud:
                 covering_radius = points.covering_radius
+            check_times(stamp, now)
             points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
             at_once = q if self.decision.begin() else None
             said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
@@ -516,6 +518,7 @@ class ReactivePlanner:
         frame, radius = self.frame, None
         if type(points) is PointCloud:
             radius = points.covering_radius
+        check_times(stamp, now)
         points, q = frame.checked(points, q, None, None, radius, None)
         frame.take(points, radius, None, stamp, now)
         self.path.followed = False
@@ -901,7 +904,7 @@ class ReactivePlanner:
         """Return whether the robot would keep clear of the last frame's points at q.
 
         The part of `is_free` that changes from frame to frame: limits, self-collision
-        and scenery are not looked at.
+        and scenery are not looked at. Points outside the grid count as well.
 
         Args:
             q: (dof,) [rad or m].
@@ -920,10 +923,9 @@ class ReactivePlanner:
     def separation(self, q: np.ndarray) -> float:
         """Return the smallest distance of the cover at q from the frame's points [m].
 
-        And from its shapes. Points outside the grid are not counted: the cover is
-        farther than rho + m from them at every q, and that is all that is known.
-        Infinity when nothing is left; minus infinity after a frame that could not be
-        used: then the person may be anywhere.
+        And from its shapes; also from what is outside the grid. Infinity where there is
+        nothing; minus infinity after a frame that could not be used: then the person
+        may be anywhere.
 
         Raises:
             BadInput: Wrong length or not finite.

@@ -1,6 +1,6 @@
 """Assemble a robot: bodies, solids, cover, tested pairs, and notes for the user."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,6 +14,8 @@ from roadmap.loading.finger_chain import carried_links
 from roadmap.loading.travel import swept_solids
 from roadmap.robot.description import Description, Link
 from roadmap.robot.robot import Robot
+
+_NAMED = 6  # links of a note, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ def assemble(
             *notes,
             *_coarse(owners, tree, geometry, solids, excess),
             *_bare(description, tree),
+            *_unknown(description, parts.disabled),
         ),
         source=parts.source,
     )
@@ -133,6 +136,19 @@ def _bare(description: Description, tree: BodyTree) -> list[str]:
         names = ", ".join(seen)
         notes.append(f"base links with visual geometry only, left out: {names}")
     return notes
+
+
+def _unknown(description: Description, disabled: Collection[frozenset[str]]) -> list:
+    """Say which links of the SRDF's pairs are none of the URDF's: no test is off."""
+    unknown = sorted(frozenset().union(*disabled) - set(description.links))
+    if not unknown:
+        return []
+    more = f" and {len(unknown) - _NAMED} more" if len(unknown) > _NAMED else ""
+    names = ", ".join(repr(name) for name in unknown[:_NAMED])
+    return [
+        f"SRDF: its disable_collisions name {names}{more}, which the URDF does not "
+        "have; their pairs change nothing: check the names, or that it is of this robot"
+    ]
 
 
 def _solids(owners: list[Link], tree: BodyTree, lookup: tuple):

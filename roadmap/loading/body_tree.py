@@ -9,7 +9,7 @@ from roadmap.errors import BadRobot
 from roadmap.kinematics.joint_tree import FIXED, PRISMATIC, REVOLUTE
 from roadmap.loading.sizes import check_travel_limits
 from roadmap.ranges import is_between
-from roadmap.robot.description import MOVABLE, Description, Joint
+from roadmap.robot.description import MOVABLE, NO_STOP, Description, Joint
 from roadmap.robot.joint_values import DEGREES, TURN, looks_like_degrees
 from roadmap.transforms import joint_motion
 
@@ -20,6 +20,7 @@ FASTER = "faster than arms beside people do"
 # A URDF has no acceleration or jerk: full speed in 0.25 s, full acceleration in 0.1 s.
 ACCELERATION_PER_VELOCITY = 4.0
 JERK_PER_ACCELERATION = 10.0
+_ROUNDING = 1e-9  # [rad or m] by which a follower's stop may be nearer
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,14 +298,65 @@ def _quick_joints(description: Description, tree: BodyTree) -> list[str]:
     ]
 
 
+def _stops(follower: Joint) -> tuple[float, float]:
+    """Return between which values a follower stays, infinite where none are given.
+
+    0 to 0 is what exporters write for nothing.
+    """
+    low, high = follower.lower, follower.upper
+    if follower.kind == "continuous" or not (low or high):
+        low = high = None
+    return -np.inf if low is None else low, np.inf if high is None else high
+
+
 def _breaks_turn(follower: Joint, factor: float) -> bool:
-    """Return whether a follower is elsewhere when its driver has turned once around."""
-    return factor != 0.0 if follower.kind == "prismatic" else factor != round(factor)
+    """Return whether a follower is elsewhere when its driver has turned once around.
+
+    Or would have met a stop on the way.
+    """
+    stops = any(abs(stop) < NO_STOP for stop in _stops(follower))
+    straight = follower.kind == "prismatic" or stops
+    return factor != 0.0 if straight else factor != round(factor)
+
+
+def _kept_range(
+    name: str, own: tuple[float, float], followers: list[tuple[Joint, float, float]]
+) -> tuple[tuple[float, float], list[str]]:
+    """Return the range of a driving joint in which its followers keep theirs.
+
+    And a note where that is not all of its `own`. `followers` are (joint, factor,
+    offset).
+
+    Raises:
+        BadRobot: A follower leaves no range.
+    """
+    (low, high), held = own, []
+    for follower, factor, offset in followers:
+        if follower.name == name or factor == 0.0:
+            continue
+        stops = _stops(follower)
+        first, last = sorted((stop - offset) / factor for stop in stops)
+        if first <= low + _ROUNDING and last >= high - _ROUNDING:
+            continue
+        low, high = max(low, first), min(high, last)
+        held.append(follower.name)
+        if not low < high:
+            raise BadRobot(
+                f"joint {name!r} has the limits {own[0]:.6g} to {own[1]:.6g}, but "
+                f"{follower.name!r}, which follows it, keeps {stops[0]:.6g} to "
+                f"{stops[1]:.6g} from {first:.6g} to {last:.6g} alone; correct one "
+                f"<limit>, or lock {name!r}"
+            )
+    note = (
+        f"{name}: kept within {low:.6g} to {high:.6g}, where {' and '.join(held)}, "
+        f"which follows it, keeps its limits"
+    )
+    return (low, high), [note] if held else []
 
 
 def _joint_limits(description, moving, limits, drives):
     joints = [description.joints[name] for name in moving]
-    notes, velocity, endless = [], [], []
+    notes, velocity, endless, bounds = [], [], [], []
     for joint in joints:
         fastest = joint.velocity
         if fastest is None or not np.isfinite(fastest) or fastest <= 0:
@@ -316,11 +368,13 @@ def _joint_limits(description, moving, limits, drives):
                 "the file)"
             )
         velocity.append(fastest)
+        followers = [
+            (description.joints[name], factor, offset)
+            for name, (driver, factor, offset) in drives.items()
+            if driver == joint.name
+        ]
         turns = joint.kind == "continuous"
-        if turns and any(
-            driver == joint.name and _breaks_turn(description.joints[name], factor)
-            for name, (driver, factor, _) in drives.items()
-        ):
+        if turns and any(_breaks_turn(f, factor) for f, factor, _ in followers):
             notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")
             turns = False
         endless.append(turns)
@@ -328,6 +382,9 @@ def _joint_limits(description, moving, limits, drives):
             notes.append(description.remarks[joint.name])
         if joint.kind == "revolute" and joint.lower is None and joint.upper is None:
             notes.append(f"{joint.name}: no position limits, taken as (-pi, pi)")
+        kept, note = _kept_range(joint.name, limits[joint.name], followers)
+        bounds.append(kept)
+        notes += note
     velocity = np.array(velocity)
     acceleration = ACCELERATION_PER_VELOCITY * velocity
     notes.append(
@@ -335,7 +392,7 @@ def _joint_limits(description, moving, limits, drives):
         f"{ACCELERATION_PER_VELOCITY:g}/s x velocity, of jerk "
         f"{JERK_PER_ACCELERATION:g}/s x acceleration (a URDF has none)"
     )
-    bounds = np.array([limits[name] for name in moving])
+    bounds = np.array(bounds)
     table = {
         "lower": bounds[:, 0],
         "upper": bounds[:, 1],

@@ -120,7 +120,7 @@ def gantry(urdf, link, joint):
     body += link("hand", '<sphere radius="0.06"/>', "0.1 0 0") + link("tool")
     body += joint("rail", "prismatic", "base", "slide", "0 0 0.6", "1 0 0", rail)
     body += joint("turn", "continuous", "slide", "arm", "0.2 0 0", "0 1 0")
-    body += joint("wrist", "revolute", "arm", "hand", "0 0 0.5", "0 1 0", follow)
+    body += joint("wrist", "continuous", "arm", "hand", "0 0 0.5", "0 1 0", follow)
     body += joint("mount", "fixed", "hand", "tool", "0.2 0 0")
     return load_robot(urdf(body), cover_excess=0.03)
 

@@ -274,7 +274,23 @@ def test_separation_is_the_smallest_distance_of_cover_and_points(
         q = draw_valid(planner, rng)
         points = odm.sample_capsules(draw_arm(rng), 0.03)
         planner.step(points, q=q)
-        inside = points[occupied_mask(small_map, points)]
-        want = smallest_gap(small_map, q, np.zeros_like(q), inside, 1)
+        want = smallest_gap(small_map, q, np.zeros_like(q), points, 1)
         got = planner.separation(q)
         assert got == want or abs(got - want) < 1e-9
+
+
+def test_what_is_outside_the_grid_is_kept_off_as_well(small_map, planner, rng):
+    grid, kept = small_map.grid, small_map.safety.rho + small_map.safety.m
+    for k in range(60):
+        points = rng.uniform(grid.origin - 0.2, grid.upper + 0.2, (6, 3))
+        points = points[~occupied_mask(small_map, points)]
+        q, still = draw_valid(planner, rng), np.zeros(3)
+        planner.step(odm.Obstacles(points=points), q=q)  # no point of it has a cell
+        gap = smallest_gap(small_map, q, still, points, 1)
+        assert planner.separation(q) == pytest.approx(gap, abs=1e-9)
+        planner.set_extra_clearance((0.0, 0.05)[k % 2])  # those near it have one now
+        assert planner.separation(q) == pytest.approx(gap, abs=1e-9)
+        left = gap - kept - planner.extra
+        for extra in (0.0, 0.99 * left, 1.01 * left):
+            assert planner.stands_clear(q, max(0.0, extra)) == (extra <= left)
+        planner.set_extra_clearance(0.0)

@@ -317,3 +317,15 @@ def _at(p):
     T = np.eye(4)
     T[:3, 3] = p
     return T
+
+
+def test_a_phase_that_cannot_be_is_refused_whatever_else_says_no(planner):
+    far = np.full(3, 9.0)
+    planner.step(np.full((1, 3), np.nan), Q)
+    with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
+        planner.is_free(Q, Q, "bogus")
+    with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
+        planner.is_free(far, Q, "bogus")
+    for extra, points in ((0.0, None), (np.nan, None), (0.0, np.full((1, 3), np.nan))):
+        with pytest.raises(BadInput, match="nothing is attached"):
+            planner.blocked_leg(Q[None], extra, points, phase="give")

@@ -7,6 +7,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
+from odm.planner.saved_memory import differences
 from roadmap.errors import BadConfiguration, BadInput
 
 
@@ -134,6 +135,23 @@ def test_other_wrong_arguments_raise_one_clear_sentence(planner):
         planner.step(NOBODY, q=HOME, labels=np.zeros(3))
     with pytest.raises(BadInput, match="dq"):
         planner.step(NOBODY, q=HOME, dq=np.zeros(2))
+
+
+def test_a_frame_that_was_refused_is_none(planner):
+    planner.set_goals([AWAY])
+    near = odm.Obstacles(spheres=np.array([[0.3, 0.0, 0.5, 0.1]]))
+    planner.step(near, q=HOME, stamp=1.0, now=1.0)
+    before = planner.save_memory()
+    for take, wrong in (
+        (planner.step, {"stamp": "x"}),
+        (planner.step, {"stamp": 1.1, "now": [1.1]}),
+        (planner.step, {"rounding": -1.0}),
+        (planner.see, {"now": "x"}),
+    ):
+        with pytest.raises(BadInput, match="give seconds as numbers|rounding"):
+            take(NOBODY, q=AWAY, **wrong)
+        assert not differences(before, planner.save_memory()), wrong
+        assert "sphere 0" in planner.is_free(HOME, AWAY).reason
 
 
 def test_raw_points_are_certified_as_far_as_they_are_seen(planner):

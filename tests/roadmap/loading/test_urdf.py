@@ -85,6 +85,22 @@ def test_an_srdf_in_another_encoding_is_read(tmp_path, stored):
     assert read_disabled_pairs(srdf) == {frozenset("ab"): "Never"}
 
 
+def test_links_that_only_the_srdf_has_are_told(arm, tmp_path):
+    pair = '<disable_collisions link1="{}" link2="{}"/>'
+    srdf = tmp_path / "r.srdf"
+
+    def told(*pairs):
+        body = "".join(pair.format(*names) for names in pairs)
+        srdf.write_text(f"<robot>{body}</robot>")
+        notes = load_robot(arm(BALL), srdf=srdf, **COARSE).notes
+        return [note for note in notes if "SRDF" in note]
+
+    assert told() == told(("base", "arm")) == []
+    assert "'Arm', 'hand', which" in told(("base", "Arm"), ("hand", "arm"))[0]
+    many = told(*[("base", f"l{k}") for k in range(9)])[0]
+    assert "'l5' and 3 more" in many and "l6" not in many
+
+
 def test_joints_off_the_chain_are_locked_and_carried_along(urdf, link, joint):
     body = link("base") + link("a", BALL) + link("b", BALL) + link("c", BALL)
     limit = '<limit lower="0.2" upper="0.6" velocity="1" effort="1"/>'
@@ -143,6 +159,54 @@ def test_a_continuous_joint_does_not_wrap_where_a_follower_does_not(
     robot = load_robot(urdf(body), **COARSE)
     assert not robot.continuous.any()
     assert any("breaks the turn" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize(
+    ("follows", "stops", "kept"),
+    [
+        ('multiplier="2" offset="0.5"', (-1.5, 2.0), (-1.0, 0.75)),
+        ('multiplier="-1"', (-0.5, 9.0), (-2.0, 0.5)),
+        ('multiplier="0.5"', (-1.0, 0.75), None),  # all of it, to the last bit
+        ('multiplier="0" offset="9"', (-1.0, 1.0), None),
+        ('multiplier="2"', (0.0, 0.0), None),  # what exporters write for nothing
+    ],
+)
+def test_no_follower_leaves_its_limits(follows, stops, kept, urdf, link, joint):
+    """A follower of a follower counts as well; who is told says so by name."""
+    robot = load_robot(urdf(_two_followers(link, joint, follows, stops)), **COARSE)
+    assert (robot.lower[0], robot.upper[0]) == pytest.approx(kept or (-2.0, 1.5))
+    notes = [note for note in robot.notes if "lead: kept within" in note]
+    assert len(notes) == (kept is not None) and all("second" in n for n in notes)
+
+
+def test_a_continuous_joint_stops_where_its_follower_does(urdf, link, joint):
+    def follows(stops):
+        text = _two_followers(link, joint, 'multiplier="1"', stops, "continuous")
+        return load_robot(urdf(text), **COARSE)
+
+    robot = follows((-1.0, 4.0))
+    assert not robot.continuous[0]
+    assert (robot.lower[0], robot.upper[0]) == pytest.approx((-1.0, np.pi))
+    robot = follows((-4.0, 4.0))  # it turns to a stop, though not within one turn
+    assert not robot.continuous[0] and robot.upper[0] == np.pi
+    assert follows((-1e16, 1e16)).continuous[0]
+
+
+def test_a_follower_that_leaves_no_range_is_told(urdf, link, joint):
+    body = _two_followers(link, joint, 'offset="5"', (-1.0, 1.0))
+    with pytest.raises(BadRobot, match="'lead'.*'second'.*correct one <limit>"):
+        load_robot(urdf(body), **COARSE)
+
+
+def _two_followers(link, joint, follows, stops, kind="revolute"):
+    """Return a chain of a joint, one that follows it, and one that follows that."""
+    limit = f'<limit lower="{stops[0]}" upper="{stops[1]}" velocity="1" effort="1"/>'
+    body = link("base") + link("a", BALL) + link("b", BALL) + link("c", BALL)
+    body += joint("lead", kind, "base", "a")
+    first = '<mimic joint="lead"/>'
+    body += joint("first", "continuous", "a", "b", "1 0 0", inside=first)
+    second = f'{limit}<mimic joint="first" {follows}/>'
+    return body + joint("second", "revolute", "b", "c", "1 0 0", inside=second)
 
 
 def test_missing_velocity_limits_get_stated_defaults(arm):
