@@ -1082,7 +1082,11 @@ class Handover:
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
         """Go to the best target."""
         targets = self.targets
-        targets.look(seen.frame.human, q, self._allowance)
+        told, allowance = targets.counts["set_goals"], self._allowance
+        for _ in range(allowance.frames):
+            targets.look(seen.frame.human, q, allowance)
+            if targets.counts["set_goals"] != told:
+                break  # the next look has to know what the planner says to them
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
@@ -1234,8 +1238,9 @@ class Handover:
         # else a path is looked for, or joined and braked anew
         self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
         self._due = self._due or self._braked % self.conduct.braked_every == 0
-        if self._due and not moved and _are_same(goals, self._goals):
-            self._due = not self._prepare()
+        for _ in range(self._allowance.frames):
+            if self._due and not moved and _are_same(goals, self._goals):
+                self._due = not self._prepare()
         answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):

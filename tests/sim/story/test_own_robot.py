@@ -169,6 +169,34 @@ def test_frames_of_a_slow_sensor_may_do_more(maps):
     assert story._allowance.units == 3000
 
 
+@pytest.mark.parametrize(("period", "looks"), [(0.01, 1), (0.02, 2), (0.05, 5)])
+def test_what_goes_on_by_frames_does_not_take_a_slow_sensor_longer(
+    maps, monkeypatch, period, looks
+):
+    """At 20 Hz no configuration was found and joined within the robot's patience."""
+    story, human = story_of(maps, period=period)
+    targets, done = story.targets, []
+    look = type(targets).look
+
+    def counted(self, *told):
+        before = self.counts["set_goals"]
+        look(self, *told)
+        done[-1].append(self.counts["set_goals"] - before)
+
+    monkeypatch.setattr(type(targets), "look", counted)
+    for k in range(round(3.0 / period)):
+        done.append([])
+        told = dict(opened=False, holds=True, wrench=pulled(0.0))
+        story.update(sim.StoryFrame(period * k, human, **told))
+        if story.state != "approach":
+            break
+    whole = [d for d in done if len(d) == looks]
+    assert len(whole) > 0.5 * len(done) and max(map(len, done)) == looks
+    # after goals were set the planner answers before the next look
+    assert all(not any(d[:-1]) for d in done)
+    assert story.events[0].state == "present"
+
+
 @pytest.mark.parametrize("beside", [True, False])
 def test_who_was_driven_off_against_the_object_backs_out_first(
     maps, monkeypatch, beside
