@@ -11,11 +11,23 @@ import subprocess
 import sys
 import termios
 import time
+from pathlib import Path
 
 from command_line import hear
 
-PATIENCE = 60.0  # a test that waits longer than this has failed [s]
+# A test has failed whose program computed for longer than this while it waited, or
+# which waited for so many times as long: on a busy machine a program hardly gets on [s]
+PATIENCE, IDLE = 60.0, 5.0
 _PIECE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b\[[?\d;]*$|\x1b$|[\r\n]|.", re.S)
+
+
+def computed(pid):
+    """Return for how long a process has computed, its ended children's time too [s]."""
+    try:
+        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:  # it has ended
+        return 0.0
+    return sum(map(int, told[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 class SeenScreen:
@@ -172,9 +184,10 @@ class User:
         return self.process.returncode
 
     def _until(self, found, what):
-        begun = time.monotonic()
+        begun, busy = time.monotonic(), computed(self.process.pid)
         while not (match := found()):
-            late = time.monotonic() - begun > PATIENCE
+            late = time.monotonic() - begun > IDLE * PATIENCE
+            late = late or computed(self.process.pid) - busy > PATIENCE
             assert not late, f"no {what} in\n{self.screen.text}\n{self.sent[-999:]!r}"
             self.look()
         return match

@@ -33,6 +33,11 @@ class Allowance:
         """
         return cls(max(_UNITS, round(_UNITS * period / _PERIOD)))
 
+    @property
+    def frames(self) -> int:
+        """As many frames at 100 Hz last as long: what goes on by frames does so."""
+        return max(1, self.units // _UNITS)
+
     def begin(self) -> None:
         """Begin a frame."""
         self.left = self.units

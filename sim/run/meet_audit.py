@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover import Human
-from handover.meet.workspace import InteractionWorkspace
+from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.live_targets import with_arm_at_rest
+from handover.targets.node_index import NodeIndex
+from handover.targets.target_goals import TargetGoals
 from odm import CellMap, Obstacles, ReactivePlanner
 from odm.frame.freedom import check_valid
 from roadmap.errors import BadConfiguration
@@ -43,20 +45,27 @@ class TargetAudit:
 
     It shares nothing with the live thread: its own workspace, in which nothing is
     removed, inverse kinematics from many starts, and a planner that has not seen
-    what was before and searches from scratch to each target alone.
+    what was before and searches from scratch to each target alone. As for that thread,
+    a node near a target that the person can take from is a way to be there.
 
     Args:
         meet: A workspace of its own.
         cell_map: The map.
+        index: Nodes of its roadmap by pose of the tool.
         from_rest: Whether the way of the hand counts from where the arm rests, as of
             the thread that is judged.
     """
 
     def __init__(
-        self, meet: InteractionWorkspace, cell_map: CellMap, from_rest: bool
+        self,
+        meet: InteractionWorkspace,
+        cell_map: CellMap,
+        index: NodeIndex,
+        from_rest: bool,
     ) -> None:
         self.meet, self._from_rest = meet, from_rest
         self.planner = ReactivePlanner(cell_map, always_replan=True)
+        self._nodes = TargetGoals(self.planner, meet, index)
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
         self._solved: dict[int, list[np.ndarray]] = {}
 
@@ -78,22 +87,17 @@ class TargetAudit:
         quality = 0.0 if rated is None else rated.quality
         ranked = self.meet.best(RANKED)
         for rank, target in enumerate(ranked):
-            T_base_tool = self._T_base_world @ target.T_world_tool
-            if self._reaches(target.key, T_base_tool, obstacles, q):
+            if self._reaches(target, obstacles, q):
                 found = target.key, target.quality, rank
                 return Verdict(time_s, pursued, quality, *found)
         return Verdict(time_s, pursued, quality, None, 0.0, len(ranked))
 
-    def _reaches(
-        self,
-        key: int,
-        T_base_tool: np.ndarray,
-        obstacles: Obstacles,
-        q: np.ndarray,
-    ) -> bool:
+    def _reaches(self, target: Target, obstacles: Obstacles, q: np.ndarray) -> bool:
+        key, node = target.key, self._nodes.near_node(target)
         if key not in self._solved:
+            T_base_tool = self._T_base_world @ target.T_world_tool
             self._solved[key] = self._solutions(T_base_tool)
-        goals = self._solved[key]
+        goals = self._solved[key] + ([] if node is None else [node.q])
         if not goals:
             return False
         planner = self.planner

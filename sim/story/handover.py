@@ -58,7 +58,6 @@ from sim.story.settings import (
     ConductSettings,
     StorySettings,
 )
-from sim.story.wrist import GRAVITY
 
 OPEN, CLOSED = "open", "closed"
 _WORDS = {int(part): part.words for part in Part}
@@ -247,8 +246,21 @@ class Handover:
         executor = self.executor
         stands = executor.reason if not why or executor.state == STANDING else ""
         kept = self._why_kept if self.state == table.KEPT else ""
-        told = [self.machine.reason, kept, why, stands, self._no_time]
+        told = [self.machine.reason, self._weak_pull(), kept, why, stands]
+        told.append(self._no_time)
         return "; ".join(t for t in told if t)
+
+    def _weak_pull(self) -> str:
+        """Return what to do about a pull that does not count; empty: there is none."""
+        pull = self._pull
+        if self.state != table.WAIT or not self._give or not pull.weak:
+            return ""
+        return (
+            f"somebody pulls with {pull.weak:.1f} N, less than the "
+            f"{pull.counts_from:.1f} N that count now: pull harder, or give a smaller "
+            "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
+            "tare the sensor, or tell what the object weighs (mass_kg)"
+        )
 
     @property
     def force(self) -> float:
@@ -510,14 +522,7 @@ class Handover:
         """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
         moving = _most(point.dq) > self.conduct.stands
-        # what was taken has a weight; its giver may pull from the first moment on
-        taken = self.holding and self.state == table.CLOSE
-        more = GRAVITY * self._obj.mass_kg if taken else 0.0
-        own = None
-        if self._give and self.holding:
-            told = point, self._T_tool_object, self._obj.mass_kg
-            own = carried_force(self.planner.robot, *told)
-        self._pull.feel(frame.wrench, seen.dt, moving, more, own)
+        self._feel(seen, point, moving)
         passed = self._now - self.machine.since
         if self.executor.state in (SLOWED, BRAKED):
             self._hindered_s += seen.dt
@@ -537,6 +542,7 @@ class Handover:
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(frame),
             "unfelt": passed > limit and not self._pull.felt,
+            "weak_pull": passed > limit and self._pull.was_weak,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
             "late_holding": passed > limit and self.holding,
@@ -565,6 +571,18 @@ class Handover:
         }
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _feel(self, seen: _Seen, point: SetPoint, moving: bool) -> None:
+        """Feel the force at the wrist, knowing what weighs in the hand."""
+        frame, own, taken = seen.frame, None, None
+        # what was taken has a weight; its giver may pull from the first moment on
+        takes = self.state == table.CLOSE and (self.holding or frame.holds)
+        if takes or (self._give and self.holding):
+            T_world_base = self.targets.meet.settings.T_world_base
+            told = point, self._T_tool_object, self._obj.mass_kg, T_world_base
+            weighs = carried_force(self.planner.robot, *told)
+            own, taken = (None, weighs) if takes else (weighs, None)
+        self._pull.feel(frame.wrench, seen.dt, moving, taken, own)
 
     def _is_occupied(self, seen: _Seen) -> bool:
         """Whether the person is within the clearance of the object in its place."""
@@ -1064,7 +1082,11 @@ class Handover:
     def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
         """Go to the best target."""
         targets = self.targets
-        targets.look(seen.frame.human, q, self._allowance)
+        told, allowance = targets.counts["set_goals"], self._allowance
+        for _ in range(allowance.frames):
+            targets.look(seen.frame.human, q, allowance)
+            if targets.counts["set_goals"] != told:
+                break  # the next look has to know what the planner says to them
         answer = self._step_planner(seen, q)
         targets.note(answer, q)
         executor = self.executor
@@ -1216,8 +1238,9 @@ class Handover:
         # else a path is looked for, or joined and braked anew
         self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
         self._due = self._due or self._braked % self.conduct.braked_every == 0
-        if self._due and not moved and _are_same(goals, self._goals):
-            self._due = not self._prepare()
+        for _ in range(self._allowance.frames):
+            if self._due and not moved and _are_same(goals, self._goals):
+                self._due = not self._prepare()
         answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):

@@ -51,6 +51,10 @@ class PullDetector:
         force: Of the last frame, beyond the force at rest, averaged [N].
         lasted: For how long it has been above the threshold [s].
         felt: Whether a force was measured since `restart`.
+        weak: A steady force that the object does not account for, and that does not
+            count now [N]; 0: there is none.
+        counts_from: How strong that would have to be [N].
+        was_weak: Whether there was one since `restart`.
     """
 
     def __init__(self, settings: PullSettings | None = None) -> None:
@@ -58,6 +62,8 @@ class PullDetector:
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._rest: np.ndarray | None = None
         self.force, self.lasted, self.felt = 0.0, 0.0, False
+        self.weak, self.counts_from, self.was_weak = 0.0, 0.0, False
+        self._weak_s = 0.0
 
     @property
     def pulls(self) -> bool:
@@ -76,14 +82,14 @@ class PullDetector:
 
     def restart(self) -> None:
         """Ask for a new pull, as long as the first; the force at rest stays."""
-        self.lasted, self.felt = 0.0, False
+        self.lasted, self.felt, self.was_weak = 0.0, False, False
 
     def feel(
         self,
         wrench: np.ndarray | None,
         dt: float,
         moving: bool = False,
-        more: float = 0.0,
+        taken: np.ndarray | None = None,
         own: np.ndarray | None = None,
     ) -> None:
         """Take one measurement.
@@ -95,8 +101,9 @@ class PullDetector:
             dt: Time since the one before [s].
             moving: Whether the robot moves: what its own motion adds is no pull
                 unless it is three times as strong.
-            more: So much more counts as no pull [N]: the weight of what has just come
-                into the hand.
+            taken: (3,) the weight of what has just come into the hand, turned with the
+                hand [N]; None: nothing has. So much of it as hangs there already is no
+                pull, and the force at rest stays that of the empty hand.
             own: (3,) force of what is held, by its mass and the robot's motion, turned
                 with the hand [N]; None: not known. A force no larger than what this
                 differs from its own value at rest is the robot's doing, and no pull.
@@ -106,44 +113,81 @@ class PullDetector:
         wrench = np.asarray(wrench, float)
         if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
             self.force, self.lasted = 0.0, 0.0
+            self._note_weak(0.0, 0.0, dt)
             return
         s, self.felt = self.settings, True
         known = np.zeros(3) if own is None else own
-        self._recent.append((dt, np.concatenate((wrench[:3], known))))
-        kept = sum(passed for passed, _ in self._recent)
-        while len(self._recent) > 1 and kept - self._recent[0][0] >= s.window_s - 1e-9:
-            kept -= self._recent.popleft()[0]
-        mean = sum(force for _, force in self._recent) / len(self._recent)
+        mean = self._mean(np.concatenate((wrench[:3], known)), dt)
         if self._rest is None:
             self._rest = mean
         off = mean - self._rest
-        self.force, added = math.hypot(*off[:3].tolist()), math.hypot(*off[3:].tolist())
+        pull, added = off[:3], math.hypot(*off[3:].tolist())
+        if taken is not None and taken.any():
+            hangs = float(pull @ taken) / float(taken @ taken)
+            pull = pull - min(1.0, max(0.0, hangs)) * taken
+        self.force = math.hypot(*pull.tolist())
         others = math.inf  # what the object does not account for
         if own is not None:
             others = math.hypot(*(mean[:3] - mean[3:]).tolist())
-        least = more + added + s.force * (3.0 if moving else 1.0)
+        least = added + s.force * (3.0 if moving else 1.0)
         if self.force >= least and others >= s.force:
             self.lasted += dt
+            self._note_weak(0.0, 0.0, dt)
             return
         self.lasted = 0.0
+        steady = 0.0 if own is None or moving else others
+        self._note_weak(steady, others + least - self.force, dt)
+        if taken is not None:
+            return
         quick = moving or added > s.force
         follows = min(1.0, dt / (0.1 * s.rest_s if quick else s.rest_s))
         self._rest = self._rest + follows * off
 
+    def _mean(self, felt: np.ndarray, dt: float) -> np.ndarray:
+        """Return the mean over the window, this measurement (6,) included [N]."""
+        self._recent.append((dt, felt))
+        kept = sum(passed for passed, _ in self._recent)
+        while (
+            len(self._recent) > 1
+            and kept - self._recent[0][0] >= self.settings.window_s - 1e-9
+        ):
+            kept -= self._recent.popleft()[0]
+        return sum(force for _, force in self._recent) / len(self._recent)
+
+    def _note_weak(self, others: float, counts_from: float, dt: float) -> None:
+        """Note a force [N] that does not count, and whether it is a steady one."""
+        s = self.settings
+        self._weak_s = self._weak_s + dt if others >= s.force else 0.0
+        steady = self._weak_s >= s.hold_s - 1e-9
+        self.weak, self.counts_from = (others, counts_from) if steady else (0.0, 0.0)
+        self.was_weak = self.was_weak or steady
+
 
 def carried_force(
-    robot: Robot, point: SetPoint, T_tool_object: np.ndarray, mass_kg: float
+    robot: Robot,
+    point: SetPoint,
+    T_tool_object: np.ndarray,
+    mass_kg: float,
+    T_world_base: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return (3,) the force of what is held on the hand, tool frame [N].
 
     Its weight, and what the motion at a set-point adds to that.
+
+    Args:
+        robot: The robot.
+        point: The set-point.
+        T_tool_object: (4, 4) how it is held [m].
+        mass_kg: Its mass [kg].
+        T_world_base: (4, 4) pose of the robot's base [m]; None: it stands upright.
     """
-    pull = np.array([0.0, 0.0, GRAVITY])
+    up = np.array([0.0, 0.0, 1.0]) if T_world_base is None else T_world_base[2, :3]
+    pull = GRAVITY * up
     T = tool_pose(robot, point.q)
     if point.dq.any() or point.ddq.any():
         bend = 0.5 * _H * _H * point.ddq
         ways = (bend + _H * point.dq, bend - _H * point.dq)
         places = [tool_pose(robot, point.q + way) @ T_tool_object[:, 3] for way in ways]
         off = places[0] + places[1] - 2.0 * (T @ T_tool_object[:, 3])
-        pull += off[:3] / (_H * _H)
+        pull = pull + off[:3] / (_H * _H)
     return -mass_kg * (T[:3, :3].T @ pull)

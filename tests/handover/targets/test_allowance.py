@@ -62,6 +62,8 @@ def test_frames_that_come_slowly_join_goals_though_each_looks_out(hertz):
 def test_frames_that_come_fast_have_what_they_had():
     assert Allowance.lasting(0.002).units == Allowance.lasting(0.01).units
     assert Allowance.lasting(0.02).units == 2 * Allowance().units
+    periods = (0.002, 0.01, 0.02, 0.05, 0.1)
+    assert [Allowance.lasting(p).frames for p in periods] == [1, 1, 2, 5, 10]
 
 
 @pytest.mark.parametrize("busy", [0, 1000])

@@ -10,11 +10,13 @@ from mocap_files import person, write_csv
 
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.targets.live_targets import THERE, WITHDRAWN
-from odm import load_map
-from roadmap.kinematics.forward import difference
+from handover.targets.settings import LiveSettings
+from handover.targets.target_goals import TargetGoals
+from odm import Obstacles, load_map
+from roadmap.kinematics.forward import difference, tool_pose
 from sim.loop.loop import LoopSettings, run_frames
 from sim.run.meet import MeetTask
-from sim.run.meet_audit import Verdict, shares
+from sim.run.meet_audit import RANKED, TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
 from sim.run.request import RunRequest
 from sim.run.runner import run
@@ -123,6 +125,27 @@ def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
         "reach.json",
         "reach_latency.png",
     ]
+
+
+def test_the_audit_counts_nodes_and_none_that_stands_in_the_person(built, monkeypatch):
+    """What only a node serves was out of reach, though the run may be there."""
+    monkeypatch.setattr(TargetAudit, "_solutions", lambda self, T_base_tool: [])
+    task = MeetTask(request(built))
+    task.open(lambda *a: None)
+    human = task.person().human(0.0)
+    _, audit = task.setup.loop(task.person(), task.side, LoopSettings())
+    few = LiveSettings(node_tolerance_m=0.3, node_tolerance_rad=1.5)  # of 250
+    nodes = audit._nodes = TargetGoals(audit.planner, audit.meet, task.setup.index, few)
+    rest, nobody = task.setup.rest, np.array([[3.0, 0.0, 0.0, 3.0, 0.0, 1.0, 0.1]])
+    found = audit.look(human, Obstacles(capsules=nobody), rest, None, 0.0)
+    assert found.top is not None
+    served = {t.key: nodes.near_node(t) for t in audit.meet.best(RANKED)}
+    assert served[found.top] is not None
+    # somebody's hand is where the tool would be, by each of the nodes
+    places = [tool_pose(task.cell_map.robot, g.q)[:3, 3] for g in served.values() if g]
+    hands = np.array([[*p, *p, 0.05] for p in places])
+    found = audit.look(human, Obstacles(capsules=hands), rest, None, 0.0)
+    assert found.top is None and found.rank == len(served)
 
 
 @pytest.mark.parametrize(

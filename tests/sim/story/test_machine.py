@@ -105,6 +105,7 @@ FAILURES = [  # what goes wrong, and the way back
     ("give", m.APPROACH, ["pulled", "pulled", "open"], [m.WAIT, m.RELEASE, m.RETREAT]),
     ("give", m.WAIT, ["late", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
     ("give", m.WAIT, ["unfelt", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
+    ("give", m.WAIT, ["weak_pull", "placed", "away"], [m.PUT_DOWN, m.RETREAT, m.DONE]),
     ("give", m.RELEASE, ["slack", "pulled"], [m.WAIT, m.RELEASE]),
     ("give", m.PUT_DOWN, ["late_holding"], [m.KEPT]),
     ("give", m.PUT_DOWN, ["beset"], [m.KEPT]),

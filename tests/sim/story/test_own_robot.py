@@ -59,6 +59,8 @@ def story_of(
     node=None,
     before=0.1,
     period=PERIOD,
+    kg=0.25,
+    T_world_base=None,
     **settings,
 ):
     """Return a story, its person and what it is about, before the first frame."""
@@ -72,7 +74,8 @@ def story_of(
     )
     obj = handover.wrench()
     obj = obj.held_by(pose_of((0.0, 0.0, 0.05), (0.0, 0.0, 0.0)) @ obj.T_tool_object)
-    grid = handover.MeetSettings(cell=0.2, rotations=72)
+    obj = replace(obj, mass_kg=kg)
+    grid = handover.MeetSettings(cell=0.2, rotations=72, T_world_base=T_world_base)
     meet = handover.InteractionWorkspace(reach, human, obj, 4, grid)
     targets = handover.LiveTargets(planner, meet, None, index)
     tools = index.T_base_tool[:, :3, 3]
@@ -164,6 +167,34 @@ def test_frames_of_a_slow_sensor_may_do_more(maps):
     story, human = story_of(maps, period=0.02)
     story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
     assert story._allowance.units == 3000
+
+
+@pytest.mark.parametrize(("period", "looks"), [(0.01, 1), (0.02, 2), (0.05, 5)])
+def test_what_goes_on_by_frames_does_not_take_a_slow_sensor_longer(
+    maps, monkeypatch, period, looks
+):
+    """At 20 Hz no configuration was found and joined within the robot's patience."""
+    story, human = story_of(maps, period=period)
+    targets, done = story.targets, []
+    look = type(targets).look
+
+    def counted(self, *told):
+        before = self.counts["set_goals"]
+        look(self, *told)
+        done[-1].append(self.counts["set_goals"] - before)
+
+    monkeypatch.setattr(type(targets), "look", counted)
+    for k in range(round(3.0 / period)):
+        done.append([])
+        told = dict(opened=False, holds=True, wrench=pulled(0.0))
+        story.update(sim.StoryFrame(period * k, human, **told))
+        if story.state != "approach":
+            break
+    whole = [d for d in done if len(d) == looks]
+    assert len(whole) > 0.5 * len(done) and max(map(len, done)) == looks
+    # after goals were set the planner answers before the next look
+    assert all(not any(d[:-1]) for d in done)
+    assert story.events[0].state == "present"
 
 
 @pytest.mark.parametrize("beside", [True, False])
@@ -789,6 +820,34 @@ def test_a_giver_who_holds_on_gets_it_back(maps):
     assert story.outcome == "the person holds on: it lets go" and not story.holding
 
 
+@pytest.mark.parametrize("turned", [0.0, np.pi, 0.5 * np.pi])
+@pytest.mark.parametrize("pull", [0.0, 8.0])
+def test_who_pulls_at_what_weighs_more_than_that_still_holds_on(maps, turned, pull):
+    """A giver's 8 N passed for the weight of 1.5 kg, on any base."""
+    index, T_base = maps[2], pose_of((0.0, 0.0, 0.0), (turned, 0.0, 0.0))
+    off = np.linalg.norm(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6], axis=1)
+    node = int(off.argmin())
+    T_object = index.T_base_tool[node] @ handover.wrench().T_tool_object
+    told = dict(wait_s=4.0, gone=2.0, kg=1.5, T_world_base=T_base, before=0.0)
+    story, human = story_of(maps, "receive", node=node, **told)
+    T_object = index.T_base_tool[node] @ story.targets.meet.obj.T_tool_object
+
+    def look(story, now, opened, closed):
+        R = (T_base @ tool_pose(story.planner.robot, story.executor.set_point.q))[
+            :3, :3
+        ]
+        force = R.T @ [pull, 0.0, -1.5 * 9.81] if closed else np.zeros(3)
+        wrench = np.concatenate([force, np.zeros(3)])
+        at = None if closed else T_object
+        return sim.StoryFrame(now, human, wrench, opened, closed, at)
+
+    tell(story, 7.0, look)
+    assert story.holding is not bool(pull)
+    assert story.outcome == (
+        "the person holds on: it lets go" if pull else "handed over"
+    )
+
+
 def test_what_is_heavier_than_was_told_is_kept_once_its_giver_has_gone(maps):
     """Its weight was taken for a pull, and it was let go of with nobody there."""
 
@@ -1261,6 +1320,38 @@ def test_without_a_force_at_the_wrist_it_is_told_that_no_pull_could_be_felt(
     assert first.state == PUT_DOWN and first.failure
     assert first.signal == ("late" if measured else "unfelt")
     assert ("no force at the wrist" in first.reason) == (not measured)
+
+
+@pytest.mark.parametrize("pull", [0.0, 8.0, 25.0])
+def test_a_pull_that_is_too_weak_to_count_is_told_with_what_to_do(maps, pull):
+    story, human = story_of(maps, wait_s=0.6, gone=2.0)
+    said = []
+    for k in range(120):
+        q = story.executor.set_point.q
+        weight = tool_pose(story.planner.robot, q)[2, :3] * -9.81 * 0.25
+        force = weight + [0.0, pull if k else 0.0, 0.0]
+        if k == 40:
+            story.machine = Machine(TABLES["give"], "wait")
+            story._enter()
+            story.machine.since = PERIOD * k
+        wrench = np.concatenate([force, np.zeros(3)])
+        if k < 40:  # the robot still moves
+            story._pull.feel(wrench, PERIOD, True, own=weight)
+            continue
+        told = dict(opened=False, holds=True, wrench=wrench)
+        story.update(sim.StoryFrame(PERIOD * k, human, **told))
+        said.append(story.reason)
+    spoken = [s for s in said if "somebody pulls with" in s]
+    assert bool(spoken) == (pull == 8.0)
+    first = story.events[0]
+    if pull == 8.0:
+        numbers = re.search(r"pulls with (.+) N, less than the (.+) N", spoken[-1])
+        felt, counts = map(float, numbers.groups())
+        assert felt == pytest.approx(8.0) and counts == pytest.approx(12.0, abs=0.2)
+        assert "PullSettings(force=...)" in spoken[0] and "mass_kg" in spoken[0]
+        assert first.signal == "weak_pull" and "too weakly" in first.reason
+    else:
+        assert first.signal == ("pulled" if pull else "late")
 
 
 def test_two_pulls_between_which_no_force_is_measured_are_not_one(maps):

@@ -5,7 +5,8 @@ import pytest
 
 from roadmap import load_robot
 from roadmap.kinematics.forward import tool_pose
-from roadmap.motion.motion import time_path
+from roadmap.motion.motion import SetPoint, time_path
+from roadmap.transforms import pose_of
 from sim.story.pull import PullDetector, PullSettings, carried_force
 from sim.story.wrist import PlainWrist, SimulatedWrist, person_force
 
@@ -104,6 +105,76 @@ def test_what_a_heavy_object_adds_as_the_robot_moves_is_no_pull(kg):
     assert told[-1] and 250 <= told.index(True) <= 265
 
 
+@pytest.mark.parametrize("kg", [0.3, 1.5, 4.0])
+def test_who_holds_on_to_what_was_taken_is_felt_whatever_it_weighs(kg, rng):
+    """8 N passed for the object's weight, wherever they pointed."""
+    down = np.array([0.6, 0.0, -0.8])
+    weight, aside = 9.81 * kg * down, np.array([0.8, 0.0, 0.6])
+    ways = rng.normal(size=(20, 3))
+    ways -= (ways @ down)[:, None] * down * (ways @ down > 0.0)[:, None]
+
+    def holds_on(hangs, pull, ramp=1):
+        detector, share = PullDetector(), np.linspace(0.0, 1.0, ramp)[:, None]
+        for k, force in enumerate(
+            [*np.zeros((60, 3)), *(hangs + share * pull)] + 40 * [hangs + pull]
+        ):
+            wrench = np.concatenate([force, np.zeros(3)]) + rng.normal(0, 0.4, 6)
+            detector.feel(wrench, DT, taken=weight if k >= 60 else None)
+        return detector.pulls
+
+    for share in (0.0, 0.3, 1.0):
+        assert not holds_on(share * weight, np.zeros(3))
+        for way in (aside, -aside, np.array([0.0, 1.0, 0.0])):
+            assert holds_on(share * weight, 8.0 * way)
+            assert holds_on(share * weight, 8.0 * way, ramp=500)  # ever so slowly
+    assert holds_on(weight, 8.0 * down) and holds_on(0.0 * weight, -8.0 * down)
+    for way in ways / np.linalg.norm(ways, axis=1)[:, None]:
+        assert holds_on(0.0 * weight, 8.0 * way)
+
+
+@pytest.mark.parametrize("own", [None, WEIGHT])
+def test_a_pull_that_is_there_before_the_robot_stands_is_told_as_too_weak(own):
+    """It counted as the force at rest, and nobody was told."""
+    detector, told, counts = PullDetector(), [], []
+    for k, force in enumerate([*still(50), *pulled(250, 8.0), *pulled(60, 13.0)]):
+        wrench = np.concatenate([force, np.zeros(3)])
+        detector.feel(wrench, DT, 50 <= k < 150, own=own)
+        told.append(detector.weak)
+        counts.append(detector.counts_from)
+        if k == 150:
+            assert not detector.was_weak
+            detector.restart()
+    assert detector.pulled and not detector.weak
+    if own is None:
+        assert not any(told) and not detector.was_weak
+        return
+    assert not any(told[:165]) and detector.was_weak
+    assert np.allclose(told[175:300], 8.0) and np.allclose(
+        counts[175:300], 12.0, atol=0.1
+    )
+    detector.restart()
+    assert not detector.was_weak
+
+
+def test_neither_noise_nor_a_bump_nor_a_failing_sensor_is_a_weak_pull():
+    detector, rng = PullDetector(), np.random.default_rng(6)
+    forces = still(300)
+    forces[100:104] += [0.0, 28.0, -28.0]
+    for k, force in enumerate(forces):
+        wrench = np.concatenate([force, np.zeros(3)]) + rng.normal(0, 1.0, 6)
+        detector.feel(np.full(6, np.nan) if k == 200 else wrench, DT, own=WEIGHT)
+    assert not detector.was_weak
+
+
+def test_the_weight_of_what_is_held_follows_the_pose_of_the_base():
+    robot, T = load_robot("plain_arm"), np.eye(4)
+    q = 0.5 * (robot.lower + robot.upper)
+    hangs = pose_of((0.0, 0.0, 2.0), (np.pi, 0.0, 0.3))
+    force = carried_force(robot, SetPoint(q, 0 * q, 0 * q), T, 2.0, hangs)
+    in_world = (hangs @ tool_pose(robot, q))[:3, :3] @ force
+    assert np.allclose(in_world, [0.0, 0.0, -2.0 * 9.81])
+
+
 def test_the_force_of_what_is_held_is_its_weight_and_what_moving_it_takes():
     robot = load_robot("plain_arm")
     T = np.array([[0, 0, 1, 0.1], [0, 1, 0, 0], [-1, 0, 0, 0.2], [0, 0, 0, 1.0]])
@@ -138,7 +209,6 @@ def test_a_new_pull_must_last_as_long_as_the_first():
 
 def test_pybullets_reaction_forces_are_those_that_add_up():
     pytest.importorskip("pybullet")
-    from roadmap.transforms import pose_of
     from sim.story.cases import story_wrench
 
     obj = story_wrench()
