@@ -123,14 +123,19 @@ def _tree(description, drives, moving, limits, values) -> BodyTree:
 
 
 def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
-    """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
+    """Return (driving joint, factor, offset); a joint without <mimic> drives itself.
+
+    Raises:
+        BadRobot: It follows itself, a joint that is not there, or a fixed one.
+    """
     factor, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None:
         name, f, o = joint.mimic
         if name in seen or name not in description.joints:
             raise BadRobot(
                 f"joint {joint.name!r} mimics {name!r}, which is "
-                f"{'itself a follower of it' if name in seen else 'not in the file'}"
+                f"{'itself a follower of it' if name in seen else 'not in the file'}; "
+                "correct or remove its <mimic>"
             )
         # value = factor * (f * q + o) + offset
         factor, offset = factor * f, factor * o + offset
