@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, check_pose
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput, BadRobot
 from roadmap.loading.body_tree import link_poses
 from roadmap.robot.description import Joint, read_description
@@ -241,7 +241,7 @@ def _moveit_pose(words: _Words) -> np.ndarray:
     turn = np.array(words.numbers(4, "a quaternion"))
     if not 0.9 < np.linalg.norm(turn) < 1.1:
         raise words.wrong(f"has the quaternion {turn.tolist()}, which is no rotation")
-    return check_pose(pose_with(Rotation.from_quat(turn).as_matrix(), position))
+    return pose_with(Rotation.from_quat(turn).as_matrix(), position)
 
 
 def _moveit_shape(words: _Words):  # noqa: ANN202 (a shape, or what makes a plane's)

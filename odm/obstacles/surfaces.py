@@ -15,7 +15,7 @@ from odm.obstacles._surfaces import SHRINK, sample_rods
 from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
-from roadmap.transforms import moved_points
+from roadmap.transforms import check_pose, moved_points
 
 MOST_POINTS = 20_000_000  # of one shape
 
@@ -60,7 +60,7 @@ class Surface:
 
     def moved(self, T: np.ndarray) -> "Surface":
         """Return the surface moved by a rigid `T` (4, 4); the radius stays."""
-        T = solid.check_pose(T)
+        T = check_pose(T, "T")
         return replace(self, points=moved_points(self.points, T))
 
 
@@ -86,13 +86,14 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
     check_spacing(spacing)
     _check_area(shape, spacing)
     if isinstance(shape, solid.Sphere):
-        points = sample_spheres(np.append(T[:3, 3], shape.radius)[None], spacing)
+        row = np.concatenate([T[:3, 3], T[:3, 3], [shape.radius]])
+        points = sample_capsules(row[None], spacing)
     elif isinstance(shape, solid.Capsule):
         points = sample_capsules(_rod_row(shape), spacing)
     elif isinstance(shape, solid.Cylinder):
         points = sample_cylinders(_rod_row(shape), spacing)
     elif isinstance(shape, solid.Box):
-        points = sample_boxes(T[None], shape.size[None], spacing)
+        points = moved_points(_box_points(shape.size, spacing * SHRINK), T)
     else:
         points, radius = sample_mesh(shape.vertices, shape.faces, spacing)
         points = moved_points(points, T)
@@ -171,32 +172,6 @@ def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray
     return sample_rods(True, writable(rods), float(spacing))
 
 
-def sample_spheres(spheres: np.ndarray, spacing: float = 0.03) -> np.ndarray:
-    """Sample spheres (k, 4) [centre, radius] [m]; see sample_capsules."""
-    spheres = _checked(spheres, 4, "sphere")
-    return sample_capsules(spheres[:, [0, 1, 2, 0, 1, 2, 3]], spacing)
-
-
-def sample_boxes(
-    T_base_box: np.ndarray, size: np.ndarray, spacing: float = 0.03
-) -> np.ndarray:
-    """Sample all six faces of boxes, (n, 3) [m].
-
-    Args:
-        T_base_box: (k, 4, 4) poses of the box centres.
-        size: (k, 3) full edge lengths [m].
-        spacing: Bound on the covering radius [m].
-    """
-    check_spacing(spacing)
-    size = _checked(size, 3, "box")
-    parts = [np.empty((0, 3))]
-    for T, edges in zip(T_base_box, size, strict=True):
-        box = solid.Box(edges, T)
-        local = _box_points(box.size, spacing * SHRINK)
-        parts.append(moved_points(local, box.T_base_shape))
-    return np.concatenate(parts)
-
-
 def sample_mesh(
     vertices: np.ndarray, faces: np.ndarray, spacing: float = 0.03
 ) -> tuple[np.ndarray, float]:
@@ -236,22 +211,17 @@ def check_spacing(spacing: float) -> None:
         raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
 
 
-def _checked(rows, width, kind):
-    array = np.ascontiguousarray(rows, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != width:
-        raise BadInput(f"{kind} rows have shape {array.shape}: give (k, {width}) [m]")
+def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
+    """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
+    array = np.ascontiguousarray(rods, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 7:
+        raise BadInput(f"{kind} rows have shape {array.shape}: give (k, 7) [m]")
     if not np.isfinite(array).all():
         row, column = np.argwhere(~np.isfinite(array))[0]
         raise BadInput(
             f"{kind} {row} has {array[row, column]} in column {column}: leave it out "
             "until its values are finite"
         )
-    return array
-
-
-def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
-    """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
-    array = _checked(rods, 7, kind)
     radius = array[:, 6]
     if len(array) and radius.min() <= 0.0:
         i = int(radius.argmin())

@@ -255,6 +255,16 @@ def test_each_pose_of_a_shape_must_be_rigid(T):
             make()
 
 
+def test_a_pose_in_single_precision_is_one_and_one_off_by_5e_6_is_none():
+    T = pose_of([0.1, 0.2, 0.3], [0.4, -0.5, 0.6])
+    single = T.astype(np.float32)
+    assert np.abs(single[:3, :3] @ single[:3, :3].T - np.eye(3)).max() > 1e-8
+    assert np.array_equal(Box([1, 1, 1], single).T_base_shape, single)
+    T[:3, 0] *= 1.0 + 2.5e-6
+    with pytest.raises(BadInput, match=r"off by .*e-06 \(limit 1e-6\)"):
+        Box([1, 1, 1], T)
+
+
 @pytest.mark.parametrize(
     ("vertices", "faces"),
     [

@@ -13,14 +13,13 @@ from odm.obstacles.surfaces import (
     Surface,
     require_covering,
     rounded_covering,
-    sample_boxes,
     sample_capsules,
     sample_cylinders,
     sample_mesh,
-    sample_spheres,
     surface_of,
 )
 from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
 
 lengths = st.one_of(st.just(0.0), st.floats(1e-4, 1.5))
 radii = st.floats(1e-3, 0.3)
@@ -185,12 +184,12 @@ def test_a_capsule_of_no_length_is_a_sphere():
     rod = np.array([[0.3, 0.1, 0.5, 0.3, 0.1, 0.5, 0.06]])
     points = sample_capsules(rod)
     assert np.allclose(np.linalg.norm(points - rod[0, :3], axis=1), 0.06)
-    assert np.array_equal(points, sample_spheres(rod[:, [0, 1, 2, 6]]))
+    ball = shapes.Sphere(0.06, pose_of(rod[0, :3]))
+    assert np.array_equal(points, surface_of(ball).points)
 
 
 def test_no_obstacle_gives_no_points():
     assert sample_capsules(np.empty((0, 7))).shape == (0, 3)
-    assert sample_boxes(np.empty((0, 4, 4)), np.empty((0, 3))).shape == (0, 3)
 
 
 def test_every_shape_gives_a_closed_labelled_surface():
