@@ -685,9 +685,7 @@ class Frame:
         The points laid out in `cloud` (None: the frame's), with `more` distance kept
         [m]. With `escape` only what is too near now may be near; see `_close.py`.
         """
-        test = self.close_test
-        if more:
-            test = test.grown(more)
+        test = self.close_test_with(more) if more else self.close_test
         return test.clear(q, dq, self._laid_out(cloud), escape, self.solids)
 
     def separation(
