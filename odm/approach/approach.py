@@ -60,7 +60,6 @@ class Approacher:
     ) -> Approach:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
         frame = self.frame
-        frame.memory.owner.check()
         if q is not None:
             q = check_numbers(frame.robot, q)
         line = self._line(np.asarray(T_base_tool, float), q, distance, direction)

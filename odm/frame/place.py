@@ -60,17 +60,17 @@ class Thing:
 
     def __init__(self, name: str, parts: tuple, rho: float) -> None:
         self.name, self.parts = name, parts
-        exact, covers, loose = [], [], [np.zeros((0, 3))]
+        exact, loose = [], [np.zeros((0, 3))]
         for part in parts:
             if isinstance(part, Surface):
                 require_covering(part, rho)
                 loose.append(part.points)
-            elif not isinstance(part, shapes.Mesh):
-                exact.append(part)
-            elif is_small_hull(part.vertices, part.faces):
-                exact.append(part)
-            else:
+            elif isinstance(part, shapes.Mesh) and not is_small_hull(
+                part.vertices, part.faces
+            ):
                 loose.append(_mesh_points(part, rho))
+            else:
+                exact.append(part)
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
         self._solids_at(np.eye(4))  # refuses sizes before samples take their time
         covers = [surface_of(part, rho).points for part in exact]
