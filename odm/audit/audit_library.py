@@ -12,7 +12,7 @@ from odm.audit._audit import Library
 from odm.audit.exact import gather, shape_parts
 from odm.obstacles import shapes as solid
 from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.surfaces import sample_capsules, sample_mesh, surface_of
+from odm.obstacles.surfaces import sample_capsules, surface_of
 from roadmap.transforms import moved_points
 
 FAMILIES = (
@@ -194,8 +194,7 @@ def _mesh(rho, rng):
         aims.append(np.concatenate([vertices[v], out / np.linalg.norm(out)]))
     if rng.random() < 0.5:
         return _holed("mesh", shape, rho, rng, np.array(aims[0]))
-    points, _ = sample_mesh(vertices, mesh.faces, rho)
-    return Specimen("mesh", (shape,), points, np.array(aims))
+    return _regular("mesh", shape, rho, np.array(aims))
 
 
 def _regular(family, shape, rho, aims):

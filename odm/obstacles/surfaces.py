@@ -6,7 +6,6 @@ nearest sample. It is what the safety argument (design step 4) needs: a map buil
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -95,19 +94,21 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
     elif isinstance(shape, solid.Box):
         points = moved_points(_box_points(shape.size, spacing * SHRINK), T)
     else:
-        points, radius = sample_mesh(shape.vertices, shape.faces, spacing)
+        from odm.obstacles.mesh_surface import sample_closed_mesh
+
+        points, radius = sample_closed_mesh(shape.vertices, shape.faces, spacing)
         points = moved_points(points, T)
     return Surface(points, radius, label or type(shape).__name__.lower(), closed=True)
 
 
-def require_covering(surface: object, rho: float) -> None:
-    """Refuse a surface, or a covering radius, larger than the map's `rho` [m]."""
-    radius: Any = getattr(surface, "covering_radius", surface)
+def require_covering(surface: Surface, rho: float) -> None:
+    """Refuse a surface whose covering radius is larger than the map's `rho` [m]."""
+    radius = surface.covering_radius
     if not radius <= rho:
-        name = getattr(surface, "label", "") or "points"
         raise BadInput(
-            f"the covering radius {radius:.4g} m of '{name}' is larger than the map's "
-            f"rho {rho:.4g} m: sample it more densely or build a map with a larger rho"
+            f"the covering radius {radius:.4g} m of '{surface.label or 'points'}' is "
+            f"larger than the map's rho {rho:.4g} m: sample it more densely or build a "
+            "map with a larger rho"
         )
 
 
@@ -170,17 +171,6 @@ def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray
             "different ends, or use a sphere"
         )
     return sample_rods(True, writable(rods), float(spacing))
-
-
-def sample_mesh(
-    vertices: np.ndarray, faces: np.ndarray, spacing: float = 0.03
-) -> tuple[np.ndarray, float]:
-    """Sample a closed mesh; see `odm.obstacles.mesh_surface.sample_closed_mesh`."""
-    from odm.obstacles.mesh_surface import sample_closed_mesh
-
-    check_spacing(spacing)
-    mesh = solid.Mesh(vertices, faces)
-    return sample_closed_mesh(mesh.vertices, mesh.faces, spacing)
 
 
 def _rod_row(rod):
