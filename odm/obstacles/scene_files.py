@@ -341,6 +341,8 @@ def _urdf_objects(path: Path) -> list[Object]:
 
 def _standing(joint: Joint) -> float:
     """Return where a joint stands: at 0, clipped into its limits [rad or m]."""
+    if joint.kind == "fixed":
+        return 0.0  # whatever limits it has
     low = -math.inf if joint.lower is None else joint.lower
     high = math.inf if joint.upper is None else joint.upper
     return min(max(0.0, low), high)

@@ -126,7 +126,7 @@ def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
     """Return (driving joint, factor, offset); a joint without <mimic> drives itself.
 
     Raises:
-        BadRobot: It follows itself, a joint that is not there, or a fixed one.
+        BadRobot: It follows itself, or a joint that is not there.
     """
     factor, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None:
@@ -141,8 +141,6 @@ def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
         factor, offset = factor * f, factor * o + offset
         seen.add(name)
         joint = description.joints[name]
-    if joint.kind not in MOVABLE:
-        raise BadRobot(f"a joint mimics the fixed joint {joint.name!r}; remove <mimic>")
     return joint.name, factor, offset
 
 
@@ -187,8 +185,15 @@ def driven_by(description: Description, name: str) -> list[tuple[str, float, flo
 
 def _drives(description: Description) -> dict[str, tuple[str, float, float]]:
     """Return by joint that can move what drives it; see `drive`."""
-    joints = description.joints.values()
-    return {j.name: drive(description, j) for j in joints if j.kind in MOVABLE}
+    joints = description.joints
+    movable = [joint for joint in joints.values() if joint.kind in MOVABLE]
+    found = {joint.name: drive(description, joint) for joint in movable}
+    for name, (driver, _, _) in found.items():
+        if joints[driver].kind not in MOVABLE:
+            raise BadRobot(
+                f"joint {name!r} mimics the fixed joint {driver!r}; remove its <mimic>"
+            )
+    return found
 
 
 def link_poses(

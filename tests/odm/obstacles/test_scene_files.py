@@ -153,6 +153,10 @@ def test_a_follower_of_a_urdf_stands_where_its_joint_puts_it(tmp_path):
     (_, _, T_door), (_, _, T_flap) = read(tmp_path, FOLLOWER, "cell.urdf")
     assert np.allclose(T_door, pose_of([0, 0, 0], [0, 0, 0.5]))
     assert np.allclose(T_flap, T_door @ pose_of([0, 0, 0], [0, 0, -2 * 0.5 + 0.3]))
+    text = FOLLOWER.replace('name="hinge" type="revolute"', 'name="hinge" type="fixed"')
+    (_, _, T_door), (_, _, T_flap) = read(tmp_path, text, "cell.urdf")
+    assert np.allclose(T_door, np.eye(4))
+    assert np.allclose(T_flap, pose_of([0, 0, 0], [0, 0, 0.3]))
 
 
 @pytest.mark.parametrize(

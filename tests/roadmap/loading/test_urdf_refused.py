@@ -190,6 +190,10 @@ def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):
     body += joint("j", "revolute", "base", "a", inside='<mimic joint="k"/>')
     body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
     refuses(urdf(body), "itself a follower")
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    body += joint("j", "fixed", "base", "a")
+    body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
+    refuses(urdf(body), "'k' mimics the fixed joint 'j'; remove its <mimic>")
 
 
 @pytest.mark.parametrize("axis", ["0 1", "0 0 1 0", ""])
