@@ -1,7 +1,6 @@
 """A robot as an obstacle of another one: its links' solids, and points on them."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -40,8 +39,8 @@ def robot_surface(
     parts = []
     for shape, link in zip(solids_of(robot), robot.solid_link, strict=True):
         # sampled in the body's frame, where a mesh is the same at every q
-        part = surface_of(shape, spacing).moved(frames[robot.link_body[link]])
-        parts.append(replace(part, label=robot.link_names[link]))
+        part = surface_of(shape, spacing, robot.link_names[link])
+        parts.append(part.moved(frames[robot.link_body[link]]))
     return tuple(parts)
 
 
