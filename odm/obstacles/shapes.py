@@ -38,7 +38,7 @@ class _Posed:
 
     def moved(self, T: np.ndarray) -> "Shape":
         """Return the shape moved by `T` (4, 4): its pose becomes T @ T_base_shape."""
-        T = np.asarray(T, float) @ self.T_base_shape
+        T = check_pose(T, "T") @ self.T_base_shape
         return replace(self, T_base_shape=T)  # type: ignore[type-var, return-value]
 
 
@@ -74,7 +74,12 @@ class _Rod(_Posed):
     @classmethod
     def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> Self:
         """Return the rod whose axis runs from `a` to `b`, (3,) each [m]."""
-        a, b = np.asarray(a, float), np.asarray(b, float)
+        ends = as_floats("the ends of a rod", [a, b])
+        if ends.shape != (2, 3):
+            raise BadInput(
+                f"the ends of a rod have shape {ends.shape[1:]}; give two places (3,)"
+            )
+        a, b = ends
         length = float(np.linalg.norm(b - a))
         flat = not 1e-12 <= length < np.inf  # what is not finite is refused elsewhere
         R = np.eye(3) if flat else rotation_to_z((b - a) / length)

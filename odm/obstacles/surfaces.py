@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odm.checks import as_floats
 from odm.obstacles import shapes as solid
 from odm.obstacles._surfaces import SHRINK, sample_rods
 from roadmap.arrays import frozen, writable
@@ -38,7 +39,7 @@ class Surface:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, float)
+        points = as_floats("points", self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"points have shape {points.shape}: give them as (n, 3) [m]")
         bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
@@ -203,7 +204,7 @@ def check_spacing(spacing: float) -> None:
 
 def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
     """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
-    array = np.ascontiguousarray(rods, dtype=np.float64)
+    array = as_floats(f"{kind} rows", rods)
     if array.ndim != 2 or array.shape[1] != 7:
         raise BadInput(f"{kind} rows have shape {array.shape}: give (k, 7) [m]")
     if not np.isfinite(array).all():

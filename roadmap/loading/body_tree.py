@@ -1,5 +1,6 @@
 """From a robot description to bodies: which joints move, what is fixed to what."""
 
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -287,7 +288,7 @@ def _take_limits(
                     f"there is no joint {name!r} to have a limit of {kind}; the "
                     f"joints are {list(drives)}"
                 )
-            if not 0.0 < value < np.inf:
+            if not (is_between(value, 0.0, sys.float_info.max) and value > 0.0):
                 raise BadRobot(
                     f"joint {name!r} has a limit of {kind} of {value}; give a number "
                     "above 0"

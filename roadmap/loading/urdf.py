@@ -12,6 +12,7 @@ from roadmap.loading.finger_chain import Carried, carried_links
 from roadmap.loading.fingers import finger_joints
 from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.loading.travel import check_travel, check_width, radii_of
+from roadmap.ranges import check_kind
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, own_file, robot_file
 from roadmap.robot.robot import Robot
@@ -69,6 +70,10 @@ def load_robot(
     both = sorted(set(travel or ()) & set(locked or {}))
     if both:
         raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")
+    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+    for name, table in {"locked": locked, **given}.items():
+        if table is not None:
+            check_kind(name, table, Mapping, "give {joint name: value}")
     own = frozenset(locked or {})
     if known is not None:
         locked = {**known.locked, **(locked or {})}
@@ -79,7 +84,7 @@ def load_robot(
         travel = known.travel if travel is None else travel
     locked = locked or {}
     tip = _tip(description, tip, locked)
-    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+    given |= {"acceleration": acceleration, "jerk": jerk}
     tree = build_tree(description, tip, locked, given)
     disabled = {} if srdf is None else read_disabled_pairs(srdf)
     if isinstance(package_dirs, str | os.PathLike):
