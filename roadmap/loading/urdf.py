@@ -71,9 +71,7 @@ def load_robot(
     if both:
         raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")
     given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
-    for name, table in {"locked": locked, **given}.items():
-        if table is not None:
-            check_kind(name, table, Mapping, "give {joint name: value}")
+    _check_kinds({"locked": locked, **given}, package_dirs)
     own = frozenset(locked or {})
     if known is not None:
         locked = {**known.locked, **(locked or {})}
@@ -87,11 +85,6 @@ def load_robot(
     given |= {"acceleration": acceleration, "jerk": jerk}
     tree = build_tree(description, tip, locked, given)
     disabled = {} if srdf is None else read_disabled_pairs(srdf)
-    if isinstance(package_dirs, str | os.PathLike):
-        raise BadRobot(
-            f"package_dirs is {str(package_dirs)!r}; give a list of folders, such as "
-            f"[{str(package_dirs)!r}]"
-        )
     lookup = (path, tuple(package_dirs))
     parts = Parts(description, tree, tip, locked, disabled, lookup, str(source))
     if travel is None:
@@ -102,6 +95,17 @@ def load_robot(
     radii = radii_of(parts.solids[0], parts.owners, tree) if links else {}
     check_width(links, radii, tip)
     return assemble(parts, cover_excess, tuple(travel))
+
+
+def _check_kinds(tables: Mapping[str, object], package_dirs: object) -> None:
+    for name, table in tables.items():
+        if table is not None:
+            check_kind(name, table, Mapping, "give {joint name: value}")
+    if isinstance(package_dirs, str | os.PathLike):
+        raise BadRobot(
+            f"package_dirs is {str(package_dirs)!r}; give a list of folders, such as "
+            f"[{str(package_dirs)!r}]"
+        )
 
 
 def _with_fingers(parts: Parts, excess: float, locked: Collection[str]) -> Robot:
