@@ -9,7 +9,7 @@ from odm.cell_map.recipe import Recipe, load_recipe
 from odm.checks import AVOID, CONTACT, OBJECT
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.point_cloud import PointCloud
-from odm.obstacles.robot_surface import RobotSurface, robot_surface
+from odm.obstacles.robot_surface import robot_surface
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, sample_capsules, surface_of
 from odm.planner.planner import ReactivePlanner
@@ -37,7 +37,6 @@ __all__ = [
     "PointCloud",
     "ReactivePlanner",
     "Recipe",
-    "RobotSurface",
     "Scene",
     "SeenSettings",
     "SeenSpace",

@@ -13,7 +13,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -428,17 +428,10 @@ def _foreign(who: str, found: object, wanted: dict[str, str]) -> str:
 
 def _lost(cluster: Cluster) -> tuple[type[BaseException], ...]:
     """Return the errors that mean: the cluster lost it, ask again."""
-    import concurrent.futures
-
     names = ("FutureCancelledError", "FuturesCancelledError")
     client = cluster.dask.client
     found = [getattr(client, name) for name in names if hasattr(client, name)]
-    return (
-        concurrent.futures.CancelledError,
-        OSError,
-        cluster.dask.TimeoutError,
-        *found,
-    )
+    return CancelledError, OSError, cluster.dask.TimeoutError, *found
 
 
 def _check_address(address: str) -> None:

@@ -100,9 +100,12 @@ def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
 def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     """Return a rigid `pose` as float (4, 4); refuse anything else by its name."""
     try:
-        pose = np.asarray(pose, float)
+        pose = np.asarray(pose).astype(float, casting="same_kind", copy=False)
     except (TypeError, ValueError) as error:
-        raise BadInput(f"{name} is {pose!r}; give a (4, 4) pose of numbers") from error
+        kind = type(pose).__name__
+        raise BadInput(
+            f"{name}, a {kind}, holds no real numbers; give a (4, 4) pose of numbers"
+        ) from error
     if pose.shape != (4, 4):
         raise BadInput(f"{name} has shape {pose.shape}; give a (4, 4) pose")
     if not np.isfinite(pose).all():

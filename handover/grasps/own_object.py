@@ -221,7 +221,8 @@ def _spec_of(
         finger = tuple(dict.fromkeys(d for d in drivers if d in ends))
         if finger and finger not in fingers:
             fingers.append(finger)
-    if not fingers or not np.isfinite(list(ends.values())).all():
+    # as a float a limit that is not there is NaN
+    if not fingers or not np.isfinite(np.array([*ends.values()], float)).all():
         raise BadInput(
             f"{name}'s pads ({', '.join(pads)}) are moved by no joint with limits, "
             "so the gripper cannot be closed on a mesh; name its fingers with --pads"

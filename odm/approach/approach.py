@@ -14,7 +14,14 @@ import numpy as np
 
 from odm.approach.approach_answer import Approach, ApproachSettings, Obstruction
 from odm.approach.legs import LegTest, Tested
-from odm.approach.tool_line import Follow, Line, NearPoses, ToolKinematics, follow
+from odm.approach.tool_line import (
+    LENGTH,
+    Follow,
+    Line,
+    NearPoses,
+    ToolKinematics,
+    follow,
+)
 from odm.checks import check_numbers
 from odm.frame.frame import Frame
 from odm.frame.freedom import is_free
@@ -60,7 +67,6 @@ class Approacher:
     ) -> Approach:
         """Find a proved straight motion; see `ReactivePlanner.approach`."""
         frame = self.frame
-        frame.memory.owner.check()
         if q is not None:
             q = check_numbers(frame.robot, q)
         line = self._line(np.asarray(T_base_tool, float), q, distance, direction)
@@ -184,7 +190,8 @@ class Approacher:
             q = np.array(seed, float)
             reached, off, turned = self.tool.reach(target, q)
             if not reached:
-                nearest = min(nearest, (off, turned), key=lambda e: e[0] + 0.3 * e[1])
+                errors = nearest, (off, turned)
+                nearest = min(errors, key=lambda e: e[0] + LENGTH * e[1])
                 continue
             if tried:
                 apart = np.abs(difference(self.frame.robot, tried, q)).max(axis=1)

@@ -24,9 +24,9 @@ from roadmap.robot.robot import Robot
 SAMPLES = 4  # parts of a leg between which the deviation is bounded
 _PARTS = np.linspace(0.0, 1.0, SAMPLES + 1)[:, None]
 _STEPS = 60  # of one descent
-_GOAL = 2e-7  # [m or rad] what a descent aims at
+GOAL = 2e-7  # [m or rad] what a descent aims at
 _NEAR = 1e-5  # [m or rad] what counts as reached
-_LENGTH = 0.3  # [m] that one radian counts as where poses are compared
+LENGTH = 0.3  # [m] that one radian counts as where poses are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class ToolKinematics:
     def __init__(self, robot: Robot) -> None:
         """Bound what each joint can do to the tool."""
         self.robot = robot
-        self._descent = ToolDescent(robot, _GOAL, _GOAL, _STEPS)
+        self._descent = ToolDescent(robot, GOAL, GOAL, _STEPS)
         limits = np.stack([robot.lower, robot.upper], axis=1)
         limits[robot.continuous] = -np.inf, np.inf
         self.limits = limits
@@ -203,7 +203,7 @@ class NearPoses:
     """
 
     def __init__(self, rows: np.ndarray) -> None:
-        weights = np.array([0.5 * _LENGTH**2] * 9 + [1.0] * 3)
+        weights = np.array([0.5 * LENGTH**2] * 9 + [1.0] * 3)
         self._squares = (rows * rows) @ weights
         self._weighted = rows * (-2.0 * weights)
 

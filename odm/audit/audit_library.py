@@ -12,7 +12,8 @@ from odm.audit._audit import Library
 from odm.audit.exact import gather, shape_parts
 from odm.obstacles import shapes as solid
 from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.surfaces import sample_capsules, sample_mesh, surface_of
+from odm.obstacles.surfaces import sample_capsules, surface_of
+from roadmap.transforms import moved_points
 
 FAMILIES = (
     "arm", "needle", "rod", "plate", "box", "cylinder", "ball", "small ball", "mesh",
@@ -79,7 +80,7 @@ def _placed(part, T):
         if not np.array_equal(T, np.eye(4)):
             raise AssertionError("cylinders of the audit stand alone in their frame")
         return part
-    return (points @ T[:3, :3].T + T[:3, 3], *part[1:])
+    return (moved_points(points, T), *part[1:])
 
 
 def _between(rng, low, high, size=None):
@@ -193,8 +194,7 @@ def _mesh(rho, rng):
         aims.append(np.concatenate([vertices[v], out / np.linalg.norm(out)]))
     if rng.random() < 0.5:
         return _holed("mesh", shape, rho, rng, np.array(aims[0]))
-    points, _ = sample_mesh(vertices, mesh.faces, rho)
-    return Specimen("mesh", (shape,), points, np.array(aims))
+    return _regular("mesh", shape, rho, np.array(aims))
 
 
 def _regular(family, shape, rho, aims):

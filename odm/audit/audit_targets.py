@@ -26,11 +26,11 @@ def audit_solids(robot: Robot, rng: np.random.Generator) -> kernels.Solids:
     )
 
 
-def _targets(robot: Robot, i: int, rng: np.random.Generator, n: int = 400):
-    """Draw surface points and outward normals of solid i, corners first, (n, 6)."""
+def _targets(robot: Robot, i: int, rng: np.random.Generator):
+    """Draw surface points and outward normals of solid i, corners first, (400, 6)."""
     from scipy.spatial import ConvexHull
 
-    kind, size = robot.solid_kind[i], robot.solid_size[i]
+    kind, size, n = robot.solid_kind[i], robot.solid_size[i], 400
     if kind not in (HULL, BOX, CYLINDER):
         out = rng.normal(size=(n, 3))
         out /= np.linalg.norm(out, axis=1)[:, None]
@@ -62,8 +62,8 @@ def _targets(robot: Robot, i: int, rng: np.random.Generator, n: int = 400):
     return np.hstack([np.array(at), np.array(out)])
 
 
-def _tight(robot: Robot, i: int, n: int = 200) -> np.ndarray:
-    """Return up to n corners (k, 6) of solid i that the cover holds most tightly.
+def _tight(robot: Robot, i: int) -> np.ndarray:
+    """Return (200, 6) corners of solid i that the cover holds most tightly.
 
     Their normals point away from the centre of the sphere that holds them: there the
     cover gives away nothing. In the solid's frame; empty for round solids.
@@ -82,7 +82,7 @@ def _tight(robot: Robot, i: int, n: int = 200) -> np.ndarray:
     rows = np.arange(len(corners))
     out = away[rows, nearest] / length[rows, nearest][:, None]
     order = np.argsort(-outside.min(axis=1), kind="stable")[:10]
-    order = np.resize(order, n)  # the ten tightest, each many times
+    order = np.resize(order, 200)  # the ten tightest, each many times
     return np.hstack([corners, out @ T[:3, :3]])[order]
 
 

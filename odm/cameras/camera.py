@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from odm.checks import as_floats
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
@@ -134,7 +135,7 @@ class DepthCamera:
 
         Rounded down: no surface moves away from the camera.
         """
-        depth = np.asarray(depth_m, float)
+        depth = as_floats("the depths", depth_m)
         pixels = np.floor(np.where(np.isfinite(depth), depth, 0.0) / self.scale + 1e-6)
         pixels[(pixels < 0) | (pixels >= NO_READING[1])] = 0
         return pixels.astype(np.uint16)

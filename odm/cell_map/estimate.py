@@ -56,9 +56,7 @@ def check_size(robot: Robot, recipe: Recipe) -> None:
 
 def free_memory() -> int:
     """Return the bytes of memory that this process may still take."""
-    free = _kibibytes("/proc/meminfo", "MemAvailable:")
-    if free is None:
-        free = 8_000_000_000
+    free = _kibibytes("/proc/meminfo", "MemAvailable:") or 8_000_000_000
     limit = resource.getrlimit(resource.RLIMIT_DATA)[0]
     if limit == resource.RLIM_INFINITY:
         return free

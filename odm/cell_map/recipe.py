@@ -65,10 +65,8 @@ class PayloadRecipe:
     def as_dict(self) -> dict[str, Any]:
         """Return what is set, as plain data."""
         plain = {f.name: getattr(self, f.name) for f in fields(self)}
-        lists = {
-            k: v if isinstance(v, float) else list(v or ()) for k, v in plain.items()
-        }
-        return {k: v for k, v in lists.items() if v != []}
+        given = {k: v for k, v in plain.items() if v is not None}
+        return {k: v if isinstance(v, float) else list(v) for k, v in given.items()}
 
 
 @dataclass(frozen=True)

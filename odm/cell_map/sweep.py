@@ -48,7 +48,9 @@ def sweep_roadmap(
     workers = workers or Threads()
     tell = progress or (lambda stage, done, total: None)
     n, m = roadmap.n_nodes, roadmap.n_edges
-    found = workers.map(node_job(swept), _node_chunks(roadmap))
+    starts = range(0, n, CHUNK)
+    parts = (Chunk(k, (roadmap.nodes[k : k + CHUNK],)) for k in starts)
+    found = workers.map(node_job(swept), parts)
     nodes = _collected(found, grid, n, tell, "nodes")
     found = workers.map(edge_job(swept), _edge_chunks(robot, roadmap, nodes))
     edges = _collected(found, grid, m, tell, "edges")
@@ -72,11 +74,6 @@ def swept_by(
     return sweep.Swept(
         arm, radii, tolerance, sweep.Grid(grid.origin, grid.h, grid.blocks)
     )
-
-
-def _node_chunks(roadmap: Roadmap) -> Iterator[Chunk]:
-    for k in range(0, roadmap.n_nodes, CHUNK):
-        yield Chunk(k, (roadmap.nodes[k : k + CHUNK],))
 
 
 def _edge_chunks(

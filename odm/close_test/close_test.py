@@ -33,11 +33,6 @@ class CloseTest:
         bare = radii if bare is None else bare
         self.group = Clearance(arm, radii, bare, tolerance, work)
 
-    def grown(self, extra: float) -> "CloseTest":
-        """Return the same test with so much more distance [m]."""
-        arm, radii, bare, tolerance, work = self.group
-        return CloseTest(arm, radii + extra, tolerance, work, bare + extra)
-
     def anchor(self, q: np.ndarray) -> None:
         """Remember where the spheres are at q (dof,): an escape begins there."""
         close.place_anchor(self.group.arm, q, self.group.work)

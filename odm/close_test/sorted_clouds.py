@@ -1,7 +1,5 @@
 """Points laid out for the close test, beside those of the frame."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from odm.close_test._sorted_clouds import lay_out
@@ -31,19 +29,3 @@ class SortedCloud:
         if len(points) > len(self.cloud.where):
             self.cloud = self.grid.new_cloud(2 * len(points))
         return self.cloud, lay_out(points, self.cloud)
-
-
-class SortedClouds:
-    """Room for several sets of points at a time, on a map's grid."""
-
-    def __init__(self, grid: WorkspaceGrid) -> None:
-        self._grid = grid
-        self._rooms: list[SortedCloud] = []
-
-    def of(self, sets: Sequence[np.ndarray]) -> list:
-        """Return sets of points (n, 3) [m] as clouds; those before are overwritten."""
-        while len(self._rooms) < len(sets):
-            self._rooms.append(SortedCloud(self._grid))
-        return [
-            room.of(points) for room, points in zip(self._rooms, sets, strict=False)
-        ]

@@ -90,9 +90,9 @@ class StaticTest:
         self.itself = self_collision(robot)
         self.skip = _skipped(robot, scenery)
         self.radii = self.arm.spheres[:, 3] + scenery.covering_radius + safety.m
-        self.cloud = self._cloud(scenery.points)
+        self.cloud = self.cloud_of(scenery.points)
         self.place = NOWHERE
-        self.place_cloud = self._cloud(self.place.points)
+        self.place_cloud = self.cloud_of(self.place.points)
         self.set_extra(0.0)
         self.work = self.new_work()
         self.own_scratch = (
@@ -102,7 +102,7 @@ class StaticTest:
     def set_place(self, place: Place) -> int:
         """Take what stands at this place; return how many points lie outside."""
         self.place = place
-        self.place_cloud = self._cloud(place.points, self.extra)
+        self.place_cloud = self.cloud_of(place.points, self.extra)
         return int(self.place_cloud.counts[2])
 
     def share_place(self, other: "StaticTest") -> None:
@@ -276,7 +276,11 @@ class StaticTest:
         n_bodies = len(self.robot.tree_i)
         return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
 
-    def _cloud(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
+    def cloud_of(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
+        """Return points (n, 3) on the grid as the close test takes them.
+
+        Their cells are dilated by `extra` [m].
+        """
         cloud = self.grid.new_cloud(max(1, len(points)))
         points = writable(np.asarray(points, float).reshape(-1, 3))
         occupancy.mark_points(points, cloud)

@@ -96,7 +96,9 @@ class Executor:
             safety = planner.cell_map.safety
             self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
-        share = max(tracking - self.settings.encoder_error, 0.0)
+        # how much nearer than m it may come while it leaves somebody
+        self._closer = max(self._clearance - s.yield_gap, 0.0)
+        share = max(tracking - s.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
         self._test, self._separation = BrakingTest(planner), SeparationWatch(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
@@ -529,8 +531,7 @@ class Executor:
         """Test an evasion until it can stand: by the cover, and else by the shells."""
         if threat is None or not self.brakes:
             return self._retreat_free(motion, t, threat)
-        gap = self.settings.yield_gap
-        closer = max(self._clearance - gap, 0.0)
+        closer = self._closer
         if self._stop_free(motion, t, threat, closer=closer):
             return True
         if self.off or not isinstance(threat, Threat):
@@ -542,7 +543,7 @@ class Executor:
             person, there = held_out.parted(threat)
             if there is not None and not test.passes(*how, there, closer):
                 return False
-        if not self._shells.passes(*how, person, gap):
+        if not self._shells.passes(*how, person, self.settings.yield_gap):
             return False
         self._hold_ready(stop)
         return True
@@ -693,7 +694,7 @@ class Executor:
         left = self._test.left_behind(motion, t, begin, stop, threat)
         if left is None:
             return False
-        closer = max(self._clearance - self.settings.yield_gap, 0.0)
+        closer = self._closer
         if threat.expects_harder and not left.all():
             person = PartlyCalm(threat, left)
             if not self._test.passes(motion, t, begin, stop, person, closer):

@@ -66,7 +66,7 @@ class Lookout:
         safety = planner.cell_map.safety
         # a motion that keeps m may come so much nearer, and is no reason to leave
         self._closer = safety.blending + safety.tracking
-        self._told = getattr(planner, "is_met", None)
+        self._is_met = getattr(planner, "is_met", None)
 
     @property
     def is_due(self) -> bool:
@@ -112,13 +112,11 @@ class Lookout:
             return False
         if len(path) == 1:
             return True
-        for q, ahead in zip(path, meets, strict=True):
-            if self._meets(q[None], threat.likely(ahead)):
-                return True
-        return False
+        pairs = zip(path, meets, strict=True)
+        return any(self._meets(q[None], threat.likely(ahead)) for q, ahead in pairs)
 
     def _meets(self, path: np.ndarray, person: Obstacles | None) -> bool:
         """Whether somebody who is to be evaded would be at a path (k, dof)."""
-        if self._told is not None:
-            return bool(self._told(path, -self._closer, person))
+        if self._is_met is not None:
+            return bool(self._is_met(path, -self._closer, person))
         return self.planner.blocked_leg(path, -self._closer, person) is not None

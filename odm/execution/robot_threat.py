@@ -77,7 +77,6 @@ def intent_threat(
     spheres: RobotSpheres,
     intent: Intent,
     T_base_other: np.ndarray,
-    settings: IntentSettings = IntentSettings(),
 ) -> IntentThreat:
     """Return what a robot with an intent may sweep.
 
@@ -89,8 +88,8 @@ def intent_threat(
         spheres: The other robot's moving links.
         intent: From `intent_of`.
         T_base_other: (4, 4) its base in the frame of the robot that asks.
-        settings: How finely.
     """
+    settings = IntentSettings()
     limit = np.asarray(spheres.robot.max_acceleration)
     rows, spread, fastest = [np.zeros((0, 4))], 0.0, 0.0
     for stretch in intent:

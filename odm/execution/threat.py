@@ -265,9 +265,7 @@ class Threat:
         For robots that stop quickly, and for evasions: expected to do more, a person
         would keep the robot from moving at all.
         """
-        if not self.expects_harder:
-            return self
-        return replace(self, jerk=0.0)
+        return replace(self, jerk=0.0) if self.expects_harder else self
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -443,14 +441,8 @@ class Watcher:
     ) -> None:
         self.follow = follow
         self.settings = s = settings or ThreatSettings()
-        self._limits = np.array(
-            [
-                s.noise,
-                s.acceleration,
-                s.max_plausible_acceleration,
-                s.max_plausible_speed,
-            ]
-        )
+        plausible = s.max_plausible_acceleration, s.max_plausible_speed
+        self._limits = np.array([s.noise, s.acceleration, *plausible])
         self._window = s.window
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._radii = np.zeros(0)  # of the frame before [m]

@@ -702,9 +702,7 @@ class Frame:
         [m]. With `escape` only what is too near now may be near; see `_close.py`.
         Points outside the grid count where the robot's own reach does not keep it off.
         """
-        test = self.close_test
-        if more:
-            test = test.grown(more)
+        test = self.close_test_with(more) if more else self.close_test
         if not test.clear(q, dq, self._laid_out(cloud), escape, self.solids):
             return False
         if cloud is not None or not (more > 0.0 or self.thing is not None):

@@ -100,7 +100,7 @@ class LastPhase:
         return None
 
     def first_hit(
-        self, cover: Cover, path: np.ndarray, extra: float = 0.0, escape: bool = False
+        self, cover: Cover, path: np.ndarray, extra: float, escape: bool
     ) -> int | None:
         """Return the first leg of a path for which `hit` finds something, or None.
 

@@ -31,7 +31,7 @@ class PathTest:
         points: np.ndarray | Obstacles | None,
         phase: str | None,
         classes: np.ndarray | None,
-        escape: bool = False,
+        escape: bool,
     ) -> int | None:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame

@@ -9,7 +9,6 @@ from odm.checks import as_floats
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.static import Place, StaticTest
 from odm.frame import _place as kernels
-from odm.obstacles import _occupancy as occupancy
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
@@ -60,17 +59,17 @@ class Thing:
 
     def __init__(self, name: str, parts: tuple, rho: float) -> None:
         self.name, self.parts = name, parts
-        exact, covers, loose = [], [], [np.zeros((0, 3))]
+        exact, loose = [], [np.zeros((0, 3))]
         for part in parts:
             if isinstance(part, Surface):
                 require_covering(part, rho)
                 loose.append(part.points)
-            elif not isinstance(part, shapes.Mesh):
-                exact.append(part)
-            elif is_small_hull(part.vertices, part.faces):
-                exact.append(part)
-            else:
+            elif isinstance(part, shapes.Mesh) and not is_small_hull(
+                part.vertices, part.faces
+            ):
                 loose.append(_mesh_points(part, rho))
+            else:
+                exact.append(part)
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
         self._solids_at(np.eye(4))  # refuses sizes before samples take their time
         covers = [surface_of(part, rho).points for part in exact]
@@ -122,13 +121,7 @@ def place_of(things: Iterable[Standing]) -> Place:
 def place_points(points_or_shapes: object, rho: float) -> np.ndarray:
     """Return (n, 3) surface points of points, a shape, surfaces or a list of them."""
     if isinstance(points_or_shapes, np.ndarray):
-        points = as_floats("scenery points", points_or_shapes)
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise BadInput(f"scenery points have shape {points.shape}; give (n, 3)")
-        bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
-        if bad:
-            raise BadInput(f"{bad} scenery points are NaN or infinite; remove them")
-        return points
+        return Surface(as_floats("points", points_or_shapes), rho, "scenery").points
     parts = points_or_shapes
     if isinstance(parts, Surface) or not isinstance(parts, Iterable):
         parts = [parts]
@@ -261,11 +254,10 @@ class PlaceItems:
         return clearance, self._graph, closed.cloud, closed.thing.solids
 
     def _add(self, thing: Standing) -> _Closed:
-        cells = self._cloud(thing.samples)
-        cloud = cells
+        static = self._static
+        cells = cloud = static.cloud_of(thing.samples, static.extra)
         if len(thing.points) != len(thing.samples):
-            cloud = self._cloud(thing.points)
-        occupancy.sort_points(np.ascontiguousarray(thing.points), cloud)
+            cloud = static.cloud_of(thing.points, static.extra)
         graph, mark = self._graph, self._mark
         n = kernels.items_near(self._direct, graph, cells, mark, self._found)
         items = np.sort(self._found[:n])
@@ -294,12 +286,3 @@ class PlaceItems:
         else:
             self._count[items] -= 1
         self._graph.closed[items] = self._closed[items] | (self._count[items] > 0)
-
-    def _cloud(self, points: np.ndarray) -> Cloud:
-        static = self._static
-        cloud = static.grid.new_cloud(max(1, len(points)))
-        points = np.ascontiguousarray(points)
-        occupancy.mark_points(points, cloud)
-        if static.extra > 0.0:
-            occupancy.dilate_points(points, static.extra, cloud)
-        return cloud

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from odm.checks import as_floats, point_floats
-from odm.obstacles.shapes import check_pose
 from odm.obstacles.unit import (
     FROM_BASE,
     MAX_RANGE_M,
@@ -16,7 +15,7 @@ from odm.obstacles.unit import (
 )
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
-from roadmap.transforms import moved_points
+from roadmap.transforms import check_pose, moved_points
 
 _ROUNDING = 1.0 - 1e-9  # what rounding may take from a side of a cell
 
@@ -119,7 +118,7 @@ class PointCloud:
             self.trouble = not_finite(self.nan)
         points = points if not self.nan else points[seen]
         if T_world_camera is not None:
-            T = check_pose(T_world_camera)
+            T = check_pose(T_world_camera, "T_world_camera")
             points = moved_points(points, T)
         self.cropped = 0
         if crop is not None:

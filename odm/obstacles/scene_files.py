@@ -1,16 +1,17 @@
 """Scenes of other programs: MoveIt's `.scene` files, and URDFs as scenery."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, check_pose
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput, BadRobot
-from roadmap.robot.description import Description, Joint, read_description
+from roadmap.loading.body_tree import link_poses
+from roadmap.robot.description import Joint, read_description
 from roadmap.robot.meshes import find_mesh
-from roadmap.transforms import joint_motion, pose_with, rotation_to_z
+from roadmap.transforms import pose_with, rotation_to_z
 from roadmap.unfinished import beside
 
 KINDS = (".scene", ".urdf", ".xml")
@@ -28,7 +29,8 @@ def read_scene(path: str | Path) -> list[Object]:
     as a pyramid of 32 sides around it; a plane as a plate of 6 x 6 x 1 m on the side
     where the origin is not (through the origin: where its normal does not point).
     Of a URDF: the collision shapes of each link with its joints at 0, or as near to 0
-    as their limits allow; a link without any is left out.
+    as their limits allow, followers (<mimic>) where those put them; a link without any
+    is left out.
 
     Args:
         path: A `.scene` file, or a URDF (`.urdf`, `.xml`).
@@ -239,7 +241,7 @@ def _moveit_pose(words: _Words) -> np.ndarray:
     turn = np.array(words.numbers(4, "a quaternion"))
     if not 0.9 < np.linalg.norm(turn) < 1.1:
         raise words.wrong(f"has the quaternion {turn.tolist()}, which is no rotation")
-    return check_pose(pose_with(Rotation.from_quat(turn).as_matrix(), position))
+    return pose_with(Rotation.from_quat(turn).as_matrix(), position)
 
 
 def _moveit_shape(words: _Words):  # noqa: ANN202 (a shape, or what makes a plane's)
@@ -312,7 +314,8 @@ def _plate(numbers: list[float], words: _Words):  # noqa: ANN202
 def _urdf_objects(path: Path) -> list[Object]:
     description = read_description(path)
     found = []
-    for name, T in _link_poses(description):
+    standing = {name: _standing(joint) for name, joint in description.joints.items()}
+    for name, T in link_poses(description, standing).items():
         shapes: list[Shape] = []
         for shape in description.links[name].collisions:
             size, pose = shape.size, shape.T_link_shape
@@ -336,23 +339,10 @@ def _urdf_objects(path: Path) -> list[Object]:
     return found
 
 
-def _link_poses(description: Description) -> Iterator[tuple[str, np.ndarray]]:
-    """Go through the links, (name, (4, 4) pose in the root), parents first."""
-    open_ = [(description.root, np.eye(4))]
-    while open_:
-        name, T = open_.pop(0)
-        yield name, T
-        for joint in description.children(name):
-            value = _standing(description, joint)
-            moved = joint_motion(joint.kind, joint.axis, value)
-            open_.append((joint.child, T @ joint.T_parent_joint @ moved))
-
-
-def _standing(description: Description, joint: Joint) -> float:
+def _standing(joint: Joint) -> float:
     """Return where a joint stands: at 0, clipped into its limits [rad or m]."""
-    if joint.mimic is not None:
-        other, factor, offset = joint.mimic
-        return factor * _standing(description, description.joints[other]) + offset
+    if joint.kind == "fixed":
+        return 0.0  # whatever limits it has
     low = -math.inf if joint.lower is None else joint.lower
     high = math.inf if joint.upper is None else joint.upper
     return min(max(0.0, low), high)

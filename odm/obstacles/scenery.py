@@ -74,11 +74,10 @@ class Scenery:
 
     def meta(self) -> dict:
         """Return the rest as plain data."""
-        dropped = [list(pair) for pair in self.dropped]
         return {
             "covering_radius": self.covering_radius,
             "names": list(self.names),
-            "dropped": dropped,
+            "dropped": [list(pair) for pair in self.dropped],
         }
 
     def shapes(self) -> list[tuple[str, Shape]]:

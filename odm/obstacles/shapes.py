@@ -11,22 +11,9 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
-from roadmap.transforms import pose_with, rotation_to_z
+from roadmap.transforms import check_pose, pose_with, rotation_to_z
 
 LARGEST = 1000.0  # [m] size of a shape
-
-
-def check_pose(T: np.ndarray) -> np.ndarray:
-    """Return a (4, 4) pose as floats; refuse what is no rigid motion."""
-    T = as_floats("the pose of a shape", T)
-    rigid = T.shape == (4, 4) and np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3))
-    rigid = rigid and np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9)
-    if not rigid or not np.isfinite(T).all() or np.linalg.det(T[:3, :3]) < 0.0:
-        raise BadInput(
-            "the pose of a shape is not a rigid (4, 4) matrix: make its upper left "
-            "(3, 3) a rotation, its last row 0 0 0 1 and its values finite"
-        )
-    return frozen(T, np.float64)
 
 
 def _check_size(kind: str, name: str, value: float, zero: bool = False) -> float:
@@ -45,9 +32,13 @@ class _Posed:
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
+    def _check_pose(self) -> None:
+        T = check_pose(self.T_base_shape, "the pose of a shape")
+        self._set("T_base_shape", frozen(T, np.float64))
+
     def moved(self, T: np.ndarray) -> "Shape":
         """Return the shape moved by `T` (4, 4): its pose becomes T @ T_base_shape."""
-        T = np.asarray(T, float) @ self.T_base_shape
+        T = check_pose(T, "T") @ self.T_base_shape
         return replace(self, T_base_shape=T)  # type: ignore[type-var, return-value]
 
 
@@ -64,7 +55,7 @@ class Sphere(_Posed):
 
     def __post_init__(self) -> None:
         self._set("radius", _check_size("sphere", "radius", self.radius))
-        self._set("T_base_shape", check_pose(self.T_base_shape))
+        self._check_pose()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +69,17 @@ class _Rod(_Posed):
         round_end = isinstance(self, Capsule)
         self._set("radius", _check_size(kind, "radius", self.radius))
         self._set("length", _check_size(kind, "length", self.length, round_end))
-        self._set("T_base_shape", check_pose(self.T_base_shape))
+        self._check_pose()
 
     @classmethod
     def between(cls, a: np.ndarray, b: np.ndarray, radius: float) -> Self:
         """Return the rod whose axis runs from `a` to `b`, (3,) each [m]."""
-        a, b = np.asarray(a, float), np.asarray(b, float)
+        ends = as_floats("the ends of a rod", [a, b])
+        if ends.shape != (2, 3):
+            raise BadInput(
+                f"the ends of a rod have shape {ends.shape[1:]}; give two places (3,)"
+            )
+        a, b = ends
         length = float(np.linalg.norm(b - a))
         flat = not 1e-12 <= length < np.inf  # what is not finite is refused elsewhere
         R = np.eye(3) if flat else rotation_to_z((b - a) / length)
@@ -121,7 +117,7 @@ class Box(_Posed):
         for value in size.tolist():
             _check_size("box", "edge length", value)
         self._set("size", frozen(size, np.float64))
-        self._set("T_base_shape", check_pose(self.T_base_shape))
+        self._check_pose()
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +164,7 @@ class Mesh(_Posed):
             faces = faces[:, ::-1]
         self._set("vertices", frozen(vertices, np.float64))
         self._set("faces", frozen(faces, np.int64))
-        self._set("T_base_shape", check_pose(self.T_base_shape))
+        self._check_pose()
 
     @classmethod
     def hull_of(cls, points: np.ndarray, T_base_shape: np.ndarray) -> "Mesh":

@@ -6,16 +6,16 @@ nearest sample. It is what the safety argument (design step 4) needs: a map buil
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from odm.checks import as_floats
 from odm.obstacles import shapes as solid
 from odm.obstacles._surfaces import SHRINK, sample_rods
 from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
-from roadmap.transforms import moved_points
+from roadmap.transforms import check_pose, moved_points
 
 MOST_POINTS = 20_000_000  # of one shape
 
@@ -39,7 +39,7 @@ class Surface:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, float)
+        points = as_floats("points", self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise BadInput(f"points have shape {points.shape}: give them as (n, 3) [m]")
         bad = len(points) - int(np.isfinite(points).all(axis=1).sum())
@@ -60,7 +60,7 @@ class Surface:
 
     def moved(self, T: np.ndarray) -> "Surface":
         """Return the surface moved by a rigid `T` (4, 4); the radius stays."""
-        T = solid.check_pose(T)
+        T = check_pose(T, "T")
         return replace(self, points=moved_points(self.points, T))
 
 
@@ -86,27 +86,30 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
     check_spacing(spacing)
     _check_area(shape, spacing)
     if isinstance(shape, solid.Sphere):
-        points = sample_spheres(np.append(T[:3, 3], shape.radius)[None], spacing)
+        row = np.concatenate([T[:3, 3], T[:3, 3], [shape.radius]])
+        points = sample_capsules(row[None], spacing)
     elif isinstance(shape, solid.Capsule):
         points = sample_capsules(_rod_row(shape), spacing)
     elif isinstance(shape, solid.Cylinder):
         points = sample_cylinders(_rod_row(shape), spacing)
     elif isinstance(shape, solid.Box):
-        points = sample_boxes(T[None], shape.size[None], spacing)
+        points = moved_points(_box_points(shape.size, spacing * SHRINK), T)
     else:
-        points, radius = sample_mesh(shape.vertices, shape.faces, spacing)
+        from odm.obstacles.mesh_surface import sample_closed_mesh
+
+        points, radius = sample_closed_mesh(shape.vertices, shape.faces, spacing)
         points = moved_points(points, T)
     return Surface(points, radius, label or type(shape).__name__.lower(), closed=True)
 
 
-def require_covering(surface: object, rho: float) -> None:
-    """Refuse a surface, or a covering radius, larger than the map's `rho` [m]."""
-    radius: Any = getattr(surface, "covering_radius", surface)
+def require_covering(surface: Surface, rho: float) -> None:
+    """Refuse a surface whose covering radius is larger than the map's `rho` [m]."""
+    radius = surface.covering_radius
     if not radius <= rho:
-        name = getattr(surface, "label", "") or "points"
         raise BadInput(
-            f"the covering radius {radius:.4g} m of '{name}' is larger than the map's "
-            f"rho {rho:.4g} m: sample it more densely or build a map with a larger rho"
+            f"the covering radius {radius:.4g} m of '{surface.label or 'points'}' is "
+            f"larger than the map's rho {rho:.4g} m: sample it more densely or build a "
+            "map with a larger rho"
         )
 
 
@@ -171,43 +174,6 @@ def sample_cylinders(cylinders: np.ndarray, spacing: float = 0.03) -> np.ndarray
     return sample_rods(True, writable(rods), float(spacing))
 
 
-def sample_spheres(spheres: np.ndarray, spacing: float = 0.03) -> np.ndarray:
-    """Sample spheres (k, 4) [centre, radius] [m]; see sample_capsules."""
-    spheres = _checked(spheres, 4, "sphere")
-    return sample_capsules(spheres[:, [0, 1, 2, 0, 1, 2, 3]], spacing)
-
-
-def sample_boxes(
-    T_base_box: np.ndarray, size: np.ndarray, spacing: float = 0.03
-) -> np.ndarray:
-    """Sample all six faces of boxes, (n, 3) [m].
-
-    Args:
-        T_base_box: (k, 4, 4) poses of the box centres.
-        size: (k, 3) full edge lengths [m].
-        spacing: Bound on the covering radius [m].
-    """
-    check_spacing(spacing)
-    size = _checked(size, 3, "box")
-    parts = [np.empty((0, 3))]
-    for T, edges in zip(T_base_box, size, strict=True):
-        box = solid.Box(edges, T)
-        local = _box_points(box.size, spacing * SHRINK)
-        parts.append(moved_points(local, box.T_base_shape))
-    return np.concatenate(parts)
-
-
-def sample_mesh(
-    vertices: np.ndarray, faces: np.ndarray, spacing: float = 0.03
-) -> tuple[np.ndarray, float]:
-    """Sample a closed mesh; see `odm.obstacles.mesh_surface.sample_closed_mesh`."""
-    from odm.obstacles.mesh_surface import sample_closed_mesh
-
-    check_spacing(spacing)
-    mesh = solid.Mesh(vertices, faces)
-    return sample_closed_mesh(mesh.vertices, mesh.faces, spacing)
-
-
 def _rod_row(rod):
     a, b = rod.ends()
     return np.concatenate([a, b, [rod.radius]])[None]
@@ -236,22 +202,17 @@ def check_spacing(spacing: float) -> None:
         raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
 
 
-def _checked(rows, width, kind):
-    array = np.ascontiguousarray(rows, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != width:
-        raise BadInput(f"{kind} rows have shape {array.shape}: give (k, {width}) [m]")
+def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
+    """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
+    array = as_floats(f"{kind} rows", rods)
+    if array.ndim != 2 or array.shape[1] != 7:
+        raise BadInput(f"{kind} rows have shape {array.shape}: give (k, 7) [m]")
     if not np.isfinite(array).all():
         row, column = np.argwhere(~np.isfinite(array))[0]
         raise BadInput(
             f"{kind} {row} has {array[row, column]} in column {column}: leave it out "
             "until its values are finite"
         )
-    return array
-
-
-def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:
-    """Return capsules or cylinders (k, 7) as floats, or refuse what is none."""
-    array = _checked(rods, 7, kind)
     radius = array[:, 6]
     if len(array) and radius.min() <= 0.0:
         i = int(radius.argmin())

@@ -20,6 +20,10 @@ from odm.search.state import point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _NONE = np.zeros(0, np.int64)
+# what is saved beside arrays
+_STATE = dict.fromkeys(("next_vertex", "_path_first", "_rounds"), int) | dict.fromkeys(
+    ("without_cells", "is_stale", "start_waits", "is_bare", "_passes"), bool
+)
 
 
 class Attacher:
@@ -821,17 +825,7 @@ class Attacher:
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what is remembered of goals and start beside their arrays."""
-        state = [
-            self.without_cells,
-            self.is_stale,
-            self.next_vertex,
-            self.costs is not None,
-            self.start_waits,
-            self.is_bare,
-            self._path_first,
-            self._rounds,
-            self._passes,
-        ]
+        state = [getattr(self, name) for name in _STATE]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
         return {
             "later": np.concatenate([_NONE, *later]),
@@ -845,14 +839,10 @@ class Attacher:
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
-        state = saved["state"].tolist()
-        without_cells, stale, self.next_vertex, has_costs, waits, bare = state[:6]
-        self._path_first, self._rounds = state[6:8]
-        self._passes = bool(state[8])
-        self.start_waits, self.is_bare = bool(waits), bool(bare)
-        self.without_cells, self.is_stale = bool(without_cells), bool(stale)
+        for (name, kind), value in zip(_STATE.items(), saved["state"], strict=True):
+            setattr(self, name, kind(value))
         self.goals = saved["goals"].copy()
-        self.costs = saved["costs"].copy() if has_costs else None
+        self.costs = saved["costs"].copy() if len(saved["costs"]) else None
         self._direct_from[:] = saved["direct_from"]
         self._refused = saved["refused"].copy()
         rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]

@@ -164,7 +164,7 @@ class Reasons:
     ) -> Blockers:
         """List the blocked edges at the nodes next to q, and the cells in their way."""
         roadmap = self.frame.cell_map.roadmap
-        near = np.argsort(self.attacher.distances(q), kind="stable")[:8]
+        near = self.attacher.nearest(q, 8)
         edges = [
             e
             for v in near

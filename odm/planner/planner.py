@@ -231,11 +231,6 @@ class ReactivePlanner:
         return self.frame.world
 
     @property
-    def radii(self) -> np.ndarray:
-        """(n,) radii of the close test [m]: spheres, covering radius, clearance."""
-        return self.frame.radii
-
-    @property
     def keep(self) -> float:
         """A point nearer than this to a sphere of the cover is too near [m]."""
         return self.frame.keep

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.approach.tool_line import NearPoses, ToolKinematics
+from odm.approach.tool_line import GOAL, LENGTH, NearPoses, ToolKinematics
 from odm.checks import MAX_GOALS
 from odm.frame.frame import Frame
 from odm.frame.freedom import check_valid
@@ -19,7 +19,6 @@ from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
 
 TOLERANCE = (0.001, 0.01)  # [m], [rad] where none is given
-_GOAL = 2e-7  # [m or rad] what a descent aims at
 _LARGEST = (0.5, np.pi)
 _MORE = 8  # times as many seeds where a pose is reached, but by nothing that is free
 
@@ -82,7 +81,7 @@ class PoseGoals:
         self._frame, self._robot = frame, frame.robot
         self._nodes = np.asarray(frame.cell_map.roadmap.nodes)
         self._tool = ToolKinematics(frame.robot)
-        self._quick = ToolDescent(frame.robot, _GOAL, _GOAL, self.settings.steps)
+        self._quick = ToolDescent(frame.robot, GOAL, GOAL, self.settings.steps)
         self._near = NearPoses(self._tool.tools(self._nodes))
         self._turns = bool(frame.robot.continuous.any())
 
@@ -163,8 +162,8 @@ class PoseGoals:
                 if self._is_inside(q) and not self._is_known(q, kept[:n]):
                     kept[n] = q
                     n += 1
-            elif off + 0.3 * turned < sum(best):
-                best, at = (off, 0.3 * turned), q
+            elif off + LENGTH * turned < sum(best):
+                best, at = (off, LENGTH * turned), q
         return kept[:n], None if n else self._why(T, best, at)
 
     def _in_half_a_turn(self, q: np.ndarray) -> np.ndarray:
@@ -186,7 +185,7 @@ class PoseGoals:
 
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""
-        off, turned = best[0], best[1] / 0.3
+        off, turned = best[0], best[1] / LENGTH
         middle, reach = bounding_ball(self._robot)
         far = float(np.linalg.norm(T[:3, 3] - middle))
         if far > reach:

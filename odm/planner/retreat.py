@@ -8,7 +8,7 @@ import numpy as np
 from odm.checks import check_numbers, check_points
 from odm.close_test import _close as close
 from odm.close_test.close_test import NO_SOLIDS
-from odm.close_test.sorted_clouds import SortedClouds
+from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Frame
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._solids import Solids
@@ -30,8 +30,7 @@ class Retreat:
         settings: RetreatSettings = RetreatSettings(),
     ) -> None:
         self.frame, self.attacher, self.settings = frame, attacher, settings
-        self._coming = SortedClouds(frame.cell_map.grid)
-        self._shapes: list[SolidRoom] = []
+        self._rooms: list[tuple[SortedCloud, SolidRoom]] = []
 
     def back_off(self, q: np.ndarray) -> np.ndarray | None:
         """Return a (2, dof) motion from q that gets away from the frame's points.
@@ -126,9 +125,9 @@ class Retreat:
         They are not in the room of the frame's, which stay as they are.
         """
         frame, points, solids = self.frame, [], []
-        while len(self._shapes) < len(sets):
-            self._shapes.append(SolidRoom())
-        for given, room in zip(sets, self._shapes, strict=False):
+        while len(self._rooms) < len(sets):
+            self._rooms.append((SortedCloud(frame.cell_map.grid), SolidRoom()))
+        for given, (_, room) in zip(sets, self._rooms, strict=False):
             shapes = NO_SOLIDS
             if isinstance(given, Obstacles):
                 shapes = room.of(given, frame.base_world)
@@ -138,8 +137,8 @@ class Retreat:
                 return None
             points.append(frame.world_ahead.points(given).copy())
             solids.append(shapes)
-        clouds = self._coming.of(points) if any(map(len, points)) else []
-        return clouds, *together(solids)
+        pairs = zip(self._rooms, points, strict=False) if any(map(len, points)) else ()
+        return [cloud.of(own) for (cloud, _), own in pairs], *together(solids)
 
     def _place_anchor(self, q: np.ndarray) -> bool:
         """Remember where the spheres are at q; return whether a point is too near."""

@@ -12,11 +12,12 @@ from odm.frame.carrying import Carrier
 from odm.frame.frame import Frame
 from odm.frame.place import Standing, Thing
 from odm.obstacles.scene_files import read_scene, write_scene
-from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere, check_pose
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import Surface
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
+from roadmap.transforms import check_pose
 
 LONGEST_NAME = 200
 FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
@@ -95,7 +96,7 @@ class Scene:
         self._frame.memory.owner.check()
         name = self._new_name(name)
         made = Thing(name, _parts(name, thing), self._frame.rho)
-        T = np.eye(4) if T is None else np.array(check_pose(T))
+        T = np.array(check_pose(np.eye(4) if T is None else T, "T"))
         standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.add"):
             self._put(made, T, standing)
@@ -112,7 +113,7 @@ class Scene:
         """
         self._frame.memory.owner.check()
         made = self._things[self[name].name]
-        T = np.array(check_pose(T))
+        T = np.array(check_pose(T, "T"))
         standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.move"):
             self._put(made, T, standing)
@@ -151,7 +152,7 @@ class Scene:
                 then.
         """
         self._frame.memory.owner.check()
-        T = np.eye(4) if T is None else np.array(check_pose(T))
+        T = np.array(check_pose(np.eye(4) if T is None else T, "T"))
         read = [(prefix + name, parts, pose) for name, parts, pose in read_scene(path)]
         for name, *_ in read:
             self._new_name(name)

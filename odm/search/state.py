@@ -143,6 +143,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     # from there its first leg is tested with all of m, which the executor then spends
     terms.path_tolerance[0] = safety.tracking + safety.blending
     block = np.zeros(sizes["item_entries"], block_type(cells.n_blocks))
+    bounds = point_motion_bounds(arm, dof)
     groups = {
         "arm": arm,
         "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
@@ -151,12 +152,8 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
         "graph": graph,
         "direct": direct,
         "pool": new(Pool, sizes, block=block),
-        "certificates": new(
-            Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
-        ),
-        "candidate_certificates": new(
-            Certificates, sizes, motion_bound=point_motion_bounds(arm, dof)
-        ),
+        "certificates": new(Certificates, sizes, motion_bound=bounds),
+        "candidate_certificates": new(Certificates, sizes, motion_bound=bounds.copy()),
         "robot_state": robot_state,
         "terms": terms,
         # rows of one array, which is read at once

@@ -50,13 +50,10 @@ def solid_of(
     urdf, package_dirs = lookup
     path = find_mesh(shape.filename, Path(urdf), package_dirs, owner.name)
     points = read_vertices(path, shape.size, owner.name)
-    points, note = _thickened(points), ""
-    if len(points[0]) and points[1]:
-        note = (
-            f"{owner.name}: the mesh {path.name} is flat; thickened to "
-            f"{MIN_THICKNESS * 1e3:g} mm"
-        )
-    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), _extreme(points[0])), note
+    points, is_flat = _thickened(points)
+    thickened = f"is flat; thickened to {MIN_THICKNESS * 1e3:g} mm"
+    note = f"{owner.name}: the mesh {path.name} {thickened}" if is_flat else ""
+    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), _extreme(points)), note
 
 
 def _thickened(points: np.ndarray) -> tuple[np.ndarray, bool]:

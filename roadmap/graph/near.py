@@ -1,6 +1,5 @@
 """Which nodes are near to which: a k-d tree that is asked in chunks."""
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -36,13 +35,10 @@ class NearTree(NamedTuple):
 
 def near_nodes(spec: NearSpec, workers: Workers) -> np.ndarray:
     """Return the (n, k) nearest nodes of each node, the nearest first."""
-    found = workers.map(near_job(spec), _chunks(spec.points))
-    return np.concatenate([near for (near,) in found])
-
-
-def near_job(spec: NearSpec) -> Job:
-    """Return the job of looking for the nodes near to points (m, dof)."""
-    return Job(f"{__name__}:nearest", f"{__name__}:tree_of", spec, "near node", 1)
+    points, starts = spec.points, range(0, len(spec.points), _ASKED)
+    parts = (Chunk(k, (np.ascontiguousarray(points[k : k + _ASKED]),)) for k in starts)
+    job = Job(f"{__name__}:nearest", f"{__name__}:tree_of", spec, "near node", 1)
+    return np.concatenate([near for (near,) in workers.map(job, parts)])
 
 
 def tree_of(spec: NearSpec) -> NearTree:
@@ -56,8 +52,3 @@ def nearest(made: NearTree, points: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the (m, k) nearest nodes of points (m, dof)."""
     _, near = made.tree.query(points, k=made.k)
     return (near.reshape(len(points), made.k),)
-
-
-def _chunks(points: np.ndarray) -> Iterator[Chunk]:
-    for k in range(0, len(points), _ASKED):
-        yield Chunk(k, (np.ascontiguousarray(points[k : k + _ASKED]),))

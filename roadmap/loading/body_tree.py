@@ -1,5 +1,6 @@
 """From a robot description to bodies: which joints move, what is fixed to what."""
 
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -124,21 +125,24 @@ def _tree(description, drives, moving, limits, values) -> BodyTree:
 
 
 def drive(description: Description, joint: Joint) -> tuple[str, float, float]:
-    """Return (driving joint, factor, offset); a joint without <mimic> drives itself."""
+    """Return (driving joint, factor, offset); a joint without <mimic> drives itself.
+
+    Raises:
+        BadRobot: It follows itself, or a joint that is not there.
+    """
     factor, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None:
         name, f, o = joint.mimic
         if name in seen or name not in description.joints:
             raise BadRobot(
                 f"joint {joint.name!r} mimics {name!r}, which is "
-                f"{'itself a follower of it' if name in seen else 'not in the file'}"
+                f"{'itself a follower of it' if name in seen else 'not in the file'}; "
+                "correct or remove its <mimic>"
             )
         # value = factor * (f * q + o) + offset
         factor, offset = factor * f, factor * o + offset
         seen.add(name)
         joint = description.joints[name]
-    if joint.kind not in MOVABLE:
-        raise BadRobot(f"a joint mimics the fixed joint {joint.name!r}; remove <mimic>")
     return joint.name, factor, offset
 
 
@@ -183,8 +187,15 @@ def driven_by(description: Description, name: str) -> list[tuple[str, float, flo
 
 def _drives(description: Description) -> dict[str, tuple[str, float, float]]:
     """Return by joint that can move what drives it; see `drive`."""
-    joints = description.joints.values()
-    return {j.name: drive(description, j) for j in joints if j.kind in MOVABLE}
+    joints = description.joints
+    movable = [joint for joint in joints.values() if joint.kind in MOVABLE]
+    found = {joint.name: drive(description, joint) for joint in movable}
+    for name, (driver, _, _) in found.items():
+        if joints[driver].kind not in MOVABLE:
+            raise BadRobot(
+                f"joint {name!r} mimics the fixed joint {driver!r}; remove its <mimic>"
+            )
+    return found
 
 
 def link_poses(
@@ -278,7 +289,7 @@ def _take_limits(
                     f"there is no joint {name!r} to have a limit of {kind}; the "
                     f"joints are {list(drives)}"
                 )
-            if not 0.0 < value < np.inf:
+            if not (is_between(value, 0.0, sys.float_info.max) and value > 0.0):
                 raise BadRobot(
                     f"joint {name!r} has a limit of {kind} of {value}; give a number "
                     "above 0"

@@ -126,14 +126,10 @@ def carried_links(
                 value = factor * tree.fixed_values[name] + offset
                 T = T @ _motions(joint, np.array([value]))[0]
         if steps:
-            lower, upper = np.array([_limits(description.joints[n]) for n in names]).T
+            joints = [description.joints[name] for name in names]
+            lower, upper = np.array([(j.lower, j.upper) for j in joints], float).T
             found[link] = Carried(tuple(names), lower, upper, tuple(steps), T)
     return found
-
-
-def _limits(joint: Joint) -> tuple[float, float]:
-    assert joint.lower is not None and joint.upper is not None
-    return joint.lower, joint.upper
 
 
 def has_limits(joint: Joint) -> bool:

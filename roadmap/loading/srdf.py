@@ -4,11 +4,13 @@ import os
 from pathlib import Path
 
 from roadmap.errors import BadRobot
+from roadmap.ranges import check_kind
 from roadmap.robot.description import read_xml
 
 
 def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
     """Return {links: reason} of the <disable_collisions> of an SRDF file."""
+    check_kind("an SRDF file", path, (str, os.PathLike), "give its path")
     path = Path(path)
     if not path.is_file():
         raise BadRobot(

@@ -12,6 +12,7 @@ from roadmap.loading.finger_chain import Carried, carried_links
 from roadmap.loading.fingers import finger_joints
 from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.loading.travel import check_travel, check_width, radii_of
+from roadmap.ranges import check_kind
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, own_file, robot_file
 from roadmap.robot.robot import Robot
@@ -69,6 +70,8 @@ def load_robot(
     both = sorted(set(travel or ()) & set(locked or {}))
     if both:
         raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")
+    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+    _check_kinds({"locked": locked, **given}, package_dirs)
     own = frozenset(locked or {})
     if known is not None:
         locked = {**known.locked, **(locked or {})}
@@ -79,14 +82,9 @@ def load_robot(
         travel = known.travel if travel is None else travel
     locked = locked or {}
     tip = _tip(description, tip, locked)
-    given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
+    given |= {"acceleration": acceleration, "jerk": jerk}
     tree = build_tree(description, tip, locked, given)
     disabled = {} if srdf is None else read_disabled_pairs(srdf)
-    if isinstance(package_dirs, str | os.PathLike):
-        raise BadRobot(
-            f"package_dirs is {str(package_dirs)!r}; give a list of folders, such as "
-            f"[{str(package_dirs)!r}]"
-        )
     lookup = (path, tuple(package_dirs))
     parts = Parts(description, tree, tip, locked, disabled, lookup, str(source))
     if travel is None:
@@ -97,6 +95,17 @@ def load_robot(
     radii = radii_of(parts.solids[0], parts.owners, tree) if links else {}
     check_width(links, radii, tip)
     return assemble(parts, cover_excess, tuple(travel))
+
+
+def _check_kinds(tables: Mapping[str, object], package_dirs: object) -> None:
+    for name, table in tables.items():
+        if table is not None:
+            check_kind(name, table, Mapping, "give {joint name: value}")
+    if isinstance(package_dirs, str | os.PathLike):
+        raise BadRobot(
+            f"package_dirs is {str(package_dirs)!r}; give a list of folders, such as "
+            f"[{str(package_dirs)!r}]"
+        )
 
 
 def _with_fingers(parts: Parts, excess: float, locked: Collection[str]) -> Robot:

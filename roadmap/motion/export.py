@@ -39,14 +39,7 @@ def as_joint_trajectory(
 ) -> dict:
     """Return set-points in the layout of ROS's trajectory_msgs/JointTrajectory.
 
-    Args:
-        joint_names: (dof,) names.
-        times: (n,) seconds from the start.
-        points: Positions, velocities and accelerations, (n, dof) each [rad or m].
-
-    Returns:
-        Plain data: "joint_names", and "points" with "positions", "velocities",
-        "accelerations" and "time_from_start" {"sec", "nanosec"}.
+    Arguments as of `write_csv`; the result as of `Motion.to_joint_trajectory`.
     """
     listed = []
     for t, *rows in zip(times.tolist(), *points, strict=True):

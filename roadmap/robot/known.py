@@ -53,58 +53,31 @@ class KnownRobot:
 _BAXTER = {"right_s1": 1.0, "l_gripper_l_finger_joint": 0.02}
 
 # Franka Control Interface documentation, "Limits for Panda": jerk is 500 times this.
-_PANDA = dict(
-    zip(
-        [f"panda_joint{k}" for k in range(1, 8)],
-        [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0],
-        strict=True,
-    )
-)
+_PANDA_A = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
+_PANDA = {f"panda_joint{k}": a for k, a in enumerate(_PANDA_A, 1)}
 
-# Crichton's other arm hangs, its forearm to the front; DRC-Hubo's is bent, so that it
-# is off the floor where it kneels.
-# Hands stand open; a grasp locks them elsewhere.
-_CRICHTON_ARM = {"arm_1_joint": 1.5708, "arm_2_joint": 1.35, "arm_3_joint": -1.5708}
-_CRICHTON_ARM |= {"arm_4_joint": 1.4}
-_HUBO_ARM = {"SP": 0.1, "EP": -1.0}
-
-
-def _other_arm(side: str, values: Mapping[str, float]) -> dict[str, float]:
-    other = "right" if side == "left" else "left"
-    return {f"{other}_{name}": value for name, value in values.items()}
-
-
-def _hubo(side: str) -> KnownRobot:
-    legs = {f"{s}_{name}": 0.0 for s in _SIDES for name in ("hip", "knee", "ankle")}
-    turn = {"left_SR": 0.15, "right_SR": -0.15}
-    other = "right" if side == "left" else "left"
-    locked = {"waist": 0.0, **legs, f"{other}_SR": turn[f"{other}_SR"]}
-    locked |= _other_arm(side, _HUBO_ARM)
-    return KnownRobot("maps", "drchubo.urdf", f"{side}_palm", locked, travel=())
-
-
+# Agents that hand something over or take it: one arm moves at a time. How the other one
+# stands: Crichton's hangs, its forearm to the front; DRC-Hubo's is bent, so that it is
+# off the floor where it kneels. Hands stand open; a grasp locks them elsewhere.
+_OTHER_ARM = {
+    "crichton": {"arm_1_joint": 1.5708, "arm_2_joint": 1.35, "arm_3_joint": -1.5708,
+                 "arm_4_joint": 1.4},
+    "drchubo": {"SP": 0.1, "EP": -1.0},
+    "person": {"shoulder_flexion": 0.09, "elbow_flexion": 0.35},
+}  # fmt: skip
 _SIDES = ("left", "right")
-# Agents that hand something over or take it: one arm moves at a time.
-_AGENTS = {
-    f"crichton_{side}": KnownRobot(
-        "maps",
-        "crichton.urdf",
-        f"{side}_palm",
-        _other_arm(side, _CRICHTON_ARM),
-        travel=(),
-    )
-    for side in _SIDES
-} | {f"drchubo_{side}": _hubo(side) for side in _SIDES}
-_AGENTS |= {
-    f"person_{side}": KnownRobot(
-        "maps",
-        "person.urdf",
-        f"{side}_palm",
-        _other_arm(side, {"shoulder_flexion": 0.09, "elbow_flexion": 0.35}),
-        travel=(),
-    )
-    for side in _SIDES
-}
+
+
+def _agent(name: str, side: str) -> KnownRobot:
+    other, turn = ("right", -0.15) if side == "left" else ("left", 0.15)
+    locked = {f"{other}_{joint}": at for joint, at in _OTHER_ARM[name].items()}
+    if name == "drchubo":
+        legs = [f"{s}_{joint}" for s in _SIDES for joint in ("hip", "knee", "ankle")]
+        locked |= {f"{other}_SR": turn, **dict.fromkeys(["waist", *legs], 0.0)}
+    return KnownRobot("maps", f"{name}.urdf", f"{side}_palm", locked, travel=())
+
+
+_AGENTS = {f"{name}_{s}": _agent(name, s) for name in _OTHER_ARM for s in _SIDES}
 
 _ROBOTS = {
     "panda": KnownRobot(

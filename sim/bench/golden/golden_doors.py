@@ -417,13 +417,7 @@ def shapes(shop: object) -> Lines:
     rods = np.array([[0, 0, 0, 0.1, 0, 0.3, 0.05], [0.2, 0, 0, 0.2, 0, 0, 0.04]])
     yield f"capsules: {digest(odm.sample_capsules(rods, 0.02))}"
     robot = shop.loaded("gross").robot
-    for parts in ("all", "moving", "standing"):
-        surface = odm.RobotSurface(robot, 0.03, parts)
-        known = fields(surface, "covering_radius", "labels", "names")
-        known += f", sway {told(surface.motion_bounds)}"
-        yield f"robot, {parts}: {len(surface)} {known}"
-        yield f"robot, {parts}: {digest(surface.at(0.3 * robot.upper, T))}"
-    for part in odm.robot_surface(robot, 0.3 * robot.upper):
+    for part in odm.robot_surface(robot, 0.3 * robot.upper, T):
         yield f"robot standing: {fields(part, 'points', 'label', 'closed')}"
     yield f"no size: {outcome(odm.Box, [0.1, 0.1, 0.0])}"
     yield f"no pose: {outcome(odm.Sphere, 0.1, np.ones((4, 4)))}"

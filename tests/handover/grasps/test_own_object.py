@@ -111,3 +111,16 @@ def test_a_tool_whose_z_does_not_point_to_its_pads_is_refused(tmp_path, at, axis
     robot = load_robot(file, tip="hand")
     with pytest.raises(BadInput, match=rf"lie along the {axis} axis of its tool hand"):
         held_mesh(load_object("cup"), robot, str(file), "hand", ("jaw",))
+
+
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+def test_a_gripper_that_a_joint_without_limits_moves_is_refused(tmp_path, kind):
+    file = tmp_path / "jaws.urdf"
+    links = "".join(BOX.format(name) for name in ("base", "hand", "jaw"))
+    text = JAWS.format(links=links, at="0 0 0.1").replace("prismatic", kind)
+    limit = '<limit lower="0" upper="0.04" velocity="1" effort="1"/>'
+    assert limit in text
+    file.write_text(text.replace(limit, ""), encoding="utf-8")
+    robot = load_robot(file, tip="hand", locked={"slides": 0.0})
+    with pytest.raises(BadInput, match="are moved by no joint with limits"):
+        held_mesh(load_object("cup"), robot, str(file), "hand", ("jaw",))

@@ -205,7 +205,7 @@ def test_detach_leaves_no_trace(cell_map):
     bare.reset()
     assert used.attached is None
     assert len(used.memory.arm.spheres) == len(cell_map.arm.spheres)
-    assert np.array_equal(used.radii, bare.radii)
+    assert np.array_equal(used.frame.radii, bare.frame.radii)
 
 
 def test_attaching_again_gives_the_same_bytes(cell_map):

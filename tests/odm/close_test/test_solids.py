@@ -252,4 +252,6 @@ def test_what_is_no_number_is_blocked_beside_shapes_too(small_map):
     q = np.zeros(small_map.robot.dof)
     assert test.clear(q, q, nothing, solids=far)
     assert not test.clear(q + np.nan, q, nothing, solids=far)
-    assert not test.grown(np.inf).clear(q, q, nothing, solids=far)
+    arm, radii, _, tolerance, work = test.group
+    endless = CloseTest(arm, radii + np.inf, tolerance, work)
+    assert not endless.clear(q, q, nothing, solids=far)

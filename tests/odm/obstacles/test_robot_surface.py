@@ -1,7 +1,5 @@
 """A robot as an obstacle: every part closed and covered, moved by its joints."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
@@ -10,13 +8,7 @@ from small import DATA
 import odm
 from odm.audit.exact import ExactRobot
 from odm.obstacles.mesh_surface import cover_densely, is_small_hull, volume
-from odm.obstacles.robot_surface import (
-    RobotSurface,
-    robot_surface,
-    solids_of,
-    standing_shapes,
-)
-from odm.obstacles.surfaces import require_covering
+from odm.obstacles.robot_surface import robot_surface, solids_of, standing_shapes
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import body_frames
@@ -102,48 +94,37 @@ def fine_points(robot, i, rng):
 @pytest.mark.parametrize("spacing", [0.03, 0.012])
 def test_all_of_a_surface_is_near_its_samples(mixed, rng, spacing):
     assert set(mixed.solid_kind.tolist()) == {HULL, BOX, CYLINDER, 3}
-    surface = RobotSurface(mixed, spacing)
-    assert surface.covering_radius <= spacing
     q = draw(mixed, rng)
-    points, frames = surface.at(q), body_frames(mixed, q)
+    parts, frames = robot_surface(mixed, q, spacing=spacing), body_frames(mixed, q)
     for i in range(len(mixed.solid_kind)):
         T = frames[mixed.link_body[mixed.solid_link[i]]] @ mixed.solid_pose[i]
         fine = fine_points(mixed, i, rng) @ T[:3, :3].T + T[:3, 3]
-        own = points[surface.labels == i]
-        far, _ = cKDTree(own).query(fine)
-        assert far.max() <= surface.covering_radius + 1e-9
+        far, _ = cKDTree(parts[i].points).query(fine)
+        assert far.max() <= parts[i].covering_radius + 1e-9 <= spacing + 1e-9
 
 
 def test_samples_lie_on_the_solids(mixed, rng):
     exact = ExactRobot(mixed, base=True)
     q = draw(mixed, rng)
-    for p in RobotSurface(mixed).at(q)[::7]:
+    points = np.concatenate([part.points for part in robot_surface(mixed, q)])
+    for p in points[::7]:
         near = exact.distance(q, [odm.Sphere(1e-4, pose_of(p))])
         assert near.distance < 1e-6
 
 
 def test_the_base_pose_moves_all_points(mixed, rng):
     q, T = draw(mixed, rng), pose_of((0.4, -0.2, 0.1), (0.1, 0.2, 2.0))
-    surface = RobotSurface(mixed)
-    own = surface.at(q).copy()
-    moved = surface.at(q, T)
-    assert np.allclose(moved, own @ T[:3, :3].T + T[:3, 3], atol=1e-12)
+    for own, moved in zip(
+        robot_surface(mixed, q), robot_surface(mixed, q, T), strict=True
+    ):
+        expected = own.points @ T[:3, :3].T + T[:3, 3]
+        assert np.allclose(moved.points, expected, atol=1e-12)
 
 
 def test_parts_are_closed_and_carry_the_names_of_their_links(mixed):
     parts = robot_surface(mixed, np.zeros(3))
     assert [p.label for p in parts] == ["base", "turret", "slide", "ball"]
     assert all(p.closed and p.covering_radius <= 0.03 for p in parts)
-    assert sum(len(p.points) for p in parts) == len(RobotSurface(mixed))
-
-
-def test_moving_and_standing_links_make_the_whole(mixed):
-    counts = [len(RobotSurface(mixed, parts=p)) for p in ("all", "moving", "standing")]
-    assert counts[0] == counts[1] + counts[2] and min(counts) > 0
-    standing = RobotSurface(mixed, parts="standing")
-    before = standing.at(np.zeros(3)).copy()
-    assert np.array_equal(before, standing.at(np.array([1.0, 0.2, 0.5])))
-    assert not standing.motion_bounds.any()
 
 
 def test_standing_shapes_stand_at_the_base(mixed):
@@ -153,49 +134,18 @@ def test_standing_shapes_stand_at_the_base(mixed):
     assert len(solids_of(mixed)) == 4
 
 
-def test_no_point_moves_farther_than_its_sway(mixed, arm3, rng):
-    for robot in (mixed, arm3):
-        surface = RobotSurface(robot, parts="moving")
-        for _ in range(40):
-            q, other = draw(robot, rng), draw(robot, rng)
-            one = surface.at(q).copy()
-            moved = np.linalg.norm(surface.at(other) - one, axis=1)
-            assert (moved <= surface.motion_bounds @ np.abs(other - q) + 1e-9).all()
-
-
-def test_a_frame_allocates_no_points(arm3):
-    surface, T = RobotSurface(arm3, 0.01), pose_of((1.0, 0.0, 0.0))
-    q = np.zeros(3)
-    first = surface.at(q, T)
-    tracemalloc.start()
-    again = surface.at(q + 0.1, T)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert again is first
-    assert peak < first.nbytes / 2
-
-
-def test_a_q_of_wrong_length_is_refused(arm3):
-    with pytest.raises(BadInput, match="3 moving joints"):
-        RobotSurface(arm3).at(np.zeros(6))
-    with pytest.raises(BadInput, match="nowhere"):
-        RobotSurface(arm3).at(np.array([0.0, np.nan, 0.0]))
-
-
-def test_a_covering_radius_above_rho_is_refused(arm3):
-    surface = RobotSurface(arm3, 0.05)
-    require_covering(surface, 0.05)
-    with pytest.raises(BadInput, match=r"0.05 m of 'arm3' is larger than .* 0.03 m"):
-        require_covering(surface, 0.03)
-
-
-def test_bad_spacing_parts_and_poses_are_refused(arm3):
-    with pytest.raises(BadInput, match="spacing"):
-        RobotSurface(arm3, 0.0)
-    with pytest.raises(BadInput, match="moving"):
-        RobotSurface(arm3, parts="some")
-    with pytest.raises(BadInput, match="rigid"):
-        RobotSurface(arm3).at(np.zeros(3), 2.0 * np.eye(4))
+@pytest.mark.parametrize(
+    ("q", "T", "spacing", "told"),
+    [
+        (np.zeros(6), None, 0.03, "3 moving joints"),
+        ([0.0, np.nan, 0.0], None, 0.03, "q of the other robot holds NaN"),
+        (np.zeros(3), 2.0 * np.eye(4), 0.03, "T_world_base is not a rigid motion"),
+        (np.zeros(3), None, 0.0, "spacing 0.0 m must be above 0"),
+    ],
+)
+def test_what_gives_no_surface_is_refused(arm3, q, T, spacing, told):
+    with pytest.raises(BadInput, match=told):
+        robot_surface(arm3, np.array(q), T, spacing)
 
 
 def test_all_facets_of_a_hull_face_outwards(rng):

@@ -138,6 +138,40 @@ def test_a_urdf_stands_with_its_joints_in_their_limits(tmp_path):
     assert np.allclose(ball.T_base_shape[:3, 3], [0, 0, 1])
 
 
+FOLLOWER = """<robot name="cell"><link name="bench"/>
+<link name="door"><collision><geometry><sphere radius="0.1"/></geometry></collision>
+</link><link name="flap"><collision><geometry><sphere radius="0.1"/></geometry>
+</collision></link>
+<joint name="hinge" type="revolute"><parent link="bench"/><child link="door"/>
+<axis xyz="0 0 1"/><limit lower="0.5" upper="2" velocity="1" effort="1"/></joint>
+<joint name="fold" type="revolute"><parent link="door"/><child link="flap"/>
+<axis xyz="0 0 1"/><limit lower="-9" upper="9" velocity="1" effort="1"/>
+<mimic joint="hinge" multiplier="-2" offset="0.3"/></joint></robot>"""
+
+
+def test_a_follower_of_a_urdf_stands_where_its_joint_puts_it(tmp_path):
+    (_, _, T_door), (_, _, T_flap) = read(tmp_path, FOLLOWER, "cell.urdf")
+    assert np.allclose(T_door, pose_of([0, 0, 0], [0, 0, 0.5]))
+    assert np.allclose(T_flap, T_door @ pose_of([0, 0, 0], [0, 0, -2 * 0.5 + 0.3]))
+    text = FOLLOWER.replace('name="hinge" type="revolute"', 'name="hinge" type="fixed"')
+    (_, _, T_door), (_, _, T_flap) = read(tmp_path, text, "cell.urdf")
+    assert np.allclose(T_door, np.eye(4))
+    assert np.allclose(T_flap, pose_of([0, 0, 0], [0, 0, 0.3]))
+
+
+@pytest.mark.parametrize(
+    ("joint", "told"),
+    [
+        ("ghost", "'fold' mimics 'ghost', which is not in the file; correct or remove"),
+        ("fold", "'fold' mimics 'fold', which is itself a follower of it; correct"),
+    ],
+)
+def test_a_follower_of_nothing_or_of_itself_is_refused(tmp_path, joint, told):
+    text = FOLLOWER.replace('mimic joint="hinge"', f'mimic joint="{joint}"')
+    with pytest.raises(BadInput, match=told):
+        read(tmp_path, text, "cell.urdf")
+
+
 def test_a_mesh_of_a_urdf_is_read_beside_it(tmp_path):
     import trimesh
 

@@ -256,6 +256,35 @@ def test_each_pose_of_a_shape_must_be_rigid(T):
 
 
 @pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: Sphere(0.1).moved(np.zeros(3)), r"T has shape \(3,\); give"),
+        (lambda: Sphere(0.1).moved("here"), "T, a str, holds no real numbers"),
+        (lambda: Sphere(0.1, 1j * np.eye(4)), "a shape, a ndarray, holds no real"),
+        (lambda: Capsule.between([0, 0], [0, 1], 0.1), r"have shape \(2,\); give two"),
+        (lambda: Capsule.between("a", [0, 0, 1], 0.1), "must be an array of real"),
+        (lambda: Surface("x", 0.1), "points must be an array of real numbers"),
+        (lambda: odm.sample_capsules("x"), "capsule rows must be an array of real"),
+        (lambda: odm.sample_capsules([[1, 2], [1]]), "all rows of the same length"),
+    ],
+)
+def test_what_is_no_pose_and_no_place_is_told_in_a_sentence(call, told):
+    with pytest.raises(BadInput, match=told) as error:
+        call()
+    assert "\n" not in str(error.value)
+
+
+def test_a_pose_in_single_precision_is_one_and_one_off_by_5e_6_is_none():
+    T = pose_of([0.1, 0.2, 0.3], [0.4, -0.5, 0.6])
+    single = T.astype(np.float32)
+    assert np.abs(single[:3, :3] @ single[:3, :3].T - np.eye(3)).max() > 1e-8
+    assert np.array_equal(Box([1, 1, 1], single).T_base_shape, single)
+    T[:3, 0] *= 1.0 + 2.5e-6
+    with pytest.raises(BadInput, match=r"off by .*e-06 \(limit 1e-6\)"):
+        Box([1, 1, 1], T)
+
+
+@pytest.mark.parametrize(
     ("vertices", "faces"),
     [
         (CORNERS * np.nan, FACES),

@@ -13,14 +13,12 @@ from odm.obstacles.surfaces import (
     Surface,
     require_covering,
     rounded_covering,
-    sample_boxes,
     sample_capsules,
     sample_cylinders,
-    sample_mesh,
-    sample_spheres,
     surface_of,
 )
 from roadmap.errors import BadInput
+from roadmap.transforms import pose_of
 
 lengths = st.one_of(st.just(0.0), st.floats(1e-4, 1.5))
 radii = st.floats(1e-3, 0.3)
@@ -31,6 +29,11 @@ laws = settings(
     max_examples=60,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
+
+
+def sampled_mesh(vertices, faces, spacing=0.03):
+    surface = surface_of(shapes.Mesh(vertices, faces), spacing)
+    return surface.points, surface.covering_radius
 
 
 def random_pose(rng):
@@ -143,7 +146,7 @@ def test_a_closed_mesh_is_covered_and_the_radius_is_computed(name, spacing):
         "box": trimesh.creation.box((0.3, 0.2, 0.002)),
         "needle": trimesh.creation.cone(0.01, 0.4, sections=7),
     }[name]
-    points, radius = sample_mesh(mesh.vertices, mesh.faces, spacing)
+    points, radius = sampled_mesh(mesh.vertices, mesh.faces, spacing)
     truth, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)
     truth = np.concatenate([truth, mesh.vertices])
     assert farthest(truth, points) <= radius <= spacing
@@ -185,12 +188,12 @@ def test_a_capsule_of_no_length_is_a_sphere():
     rod = np.array([[0.3, 0.1, 0.5, 0.3, 0.1, 0.5, 0.06]])
     points = sample_capsules(rod)
     assert np.allclose(np.linalg.norm(points - rod[0, :3], axis=1), 0.06)
-    assert np.array_equal(points, sample_spheres(rod[:, [0, 1, 2, 6]]))
+    ball = shapes.Sphere(0.06, pose_of(rod[0, :3]))
+    assert np.array_equal(points, surface_of(ball).points)
 
 
 def test_no_obstacle_gives_no_points():
     assert sample_capsules(np.empty((0, 7))).shape == (0, 3)
-    assert sample_boxes(np.empty((0, 4, 4)), np.empty((0, 3))).shape == (0, 3)
 
 
 def test_every_shape_gives_a_closed_labelled_surface():
@@ -213,8 +216,8 @@ def test_raw_points_carry_the_radius_their_caller_declares():
     require_covering(surface, 0.03)
     with pytest.raises(BadInput, match="larger than the map's rho"):
         require_covering(surface, 0.01)
-    with pytest.raises(BadInput, match="rho"):
-        require_covering(np.nan, 0.01)
+    with pytest.raises(BadInput, match="covering radius nan m must be at least 0"):
+        Surface(np.zeros((5, 3)), np.nan)
 
 
 def bad_rod(column, value):
@@ -258,11 +261,11 @@ def test_what_cannot_be_covered_is_refused():
 def test_an_open_mesh_is_refused():
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     with pytest.raises(BadInput, match="not closed"):
-        sample_mesh(box.vertices, box.faces[:-1])
+        sampled_mesh(box.vertices, box.faces[:-1])
     with pytest.raises(BadInput, match="missing vertex"):
-        sample_mesh(box.vertices, box.faces + 1)
+        sampled_mesh(box.vertices, box.faces + 1)
     with pytest.raises(BadInput, match="too large"):
-        sample_mesh(box.vertices * 1000, box.faces)
+        sampled_mesh(box.vertices * 1000, box.faces)
 
 
 @laws
@@ -319,7 +322,7 @@ def test_a_mesh_much_finer_than_its_points_takes_little_and_is_covered(rng):
     ball = trimesh.creation.icosphere(4, 0.02)  # 5120 triangles of 1 mm, 5 cm apart
     many = [ball.vertices + [0.1 * k, 0.0, 0.0] for k in range(3)]
     faces = np.vstack([ball.faces + k * len(ball.vertices) for k in range(3)])
-    points, radius = sample_mesh(np.vstack(many), faces, 0.05)
+    points, radius = sampled_mesh(np.vstack(many), faces, 0.05)
     assert radius <= 0.05 and len(points) < 30
     surface = trimesh.Trimesh(np.vstack(many), faces, process=False)
     places, _ = trimesh.sample.sample_surface(surface, 4000, seed=1)

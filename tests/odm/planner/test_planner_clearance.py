@@ -57,13 +57,13 @@ def test_a_known_rounding_or_dense_points_cost_less_space(small_map, planner):
     arm = np.array([[0.0, 0.3, 0.5, 0.0, 0.4, 0.5, 0.05]])
     points = odm.sample_capsules(arm, 0.03)
     planner.step(points, q=HOME)
-    plain = planner.radii.copy()
+    plain = planner.frame.radii.copy()
     planner.step(points, q=HOME, rounding=0.05)
-    assert (planner.radii < plain - 0.005).all()
+    assert (planner.frame.radii < plain - 0.005).all()
     planner.step(points, q=HOME, covering_radius=0.01)
-    assert np.allclose(planner.radii, plain - 0.02)
+    assert np.allclose(planner.frame.radii, plain - 0.02)
     planner.step(points, q=HOME)
-    assert np.allclose(planner.radii, plain, atol=1e-12)
+    assert np.allclose(planner.frame.radii, plain, atol=1e-12)
 
 
 def test_braking_sees_points_outside_the_grid(small_map, planner):

@@ -212,7 +212,7 @@ def test_a_path_that_is_none_is_refused_by_the_braking_test(planner, shape):
 
 
 def test_scenery_of_no_numbers_is_refused_and_forgotten(planner):
-    with pytest.raises(BadInput, match="scenery points are NaN"):
+    with pytest.raises(BadInput, match="points of scenery are NaN"):
         planner.set_static(np.array([[0.5, np.nan, 0.5]]))
     planner.set_base(np.eye(4))
     planner.set_extra_clearance(0.01)

@@ -160,8 +160,8 @@ def test_the_kernels_take_what_is_no_number_for_blocked(planner, what, value):
     far = np.array([[-0.85, -0.85, 0.0]])
     planner.step(far, q=HOME)
     planner.frame.sort()
-    m, given = planner.memory, {"q": HOME, "dq": STILL, "radii": planner.radii}
-    assert CloseTest(m.arm, planner.radii, 0.01, m.work).clear(HOME, STILL, m.cloud)
+    m, given = planner.memory, {"q": HOME, "dq": STILL, "radii": planner.frame.radii}
+    assert CloseTest(m.arm, given["radii"], 0.01, m.work).clear(HOME, STILL, m.cloud)
     given[what] = given[what].copy()
     given[what][-1] = value
     q, dq, radii = given.values()

@@ -17,7 +17,7 @@ part_free = with_door(judge.part_free)
 
 def clear_of(planner, q, dq, points):
     """Test the motion densely, without cells and without bounds: the naive twin."""
-    radii = planner.radii
+    radii = planner.frame.radii
     spheres = np.flatnonzero(planner.robot.moving)
     order = spheres[np.argsort(planner.robot.sphere_body[spheres], kind="stable")]
     for t in np.linspace(0.0, 1.0, 200):

@@ -190,6 +190,10 @@ def test_mimics_of_nothing_or_in_a_circle_are_refused(arm, urdf, link, joint):
     body += joint("j", "revolute", "base", "a", inside='<mimic joint="k"/>')
     body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
     refuses(urdf(body), "itself a follower")
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    body += joint("j", "fixed", "base", "a")
+    body += joint("k", "revolute", "a", "b", inside='<mimic joint="j"/>')
+    refuses(urdf(body), "'k' mimics the fixed joint 'j'; remove its <mimic>")
 
 
 @pytest.mark.parametrize("axis", ["0 1", "0 0 1 0", ""])
@@ -232,3 +236,18 @@ def test_a_missing_or_broken_srdf_is_refused(arm, tmp_path):
 def test_without_pybullet_the_panda_says_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     refuses("panda", "comes with pybullet, which is not installed.*3.11")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"locked": ["j"]}, "locked is .* give {joint name: value}"),
+        ({"velocity": 3}, r"velocity is 3 \(int\); give {joint name: value}"),
+        ({"jerk": {"j": "quick"}}, "a limit of jerk of quick; give a number above 0"),
+        ({"srdf": 3}, r"an SRDF file is 3 \(int\); give its path"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused(urdf, link, joint, given, told):
+    body = link("base") + link("a", BALL) + joint("j", "revolute", "base", "a")
+    with pytest.raises(PlanningError, match=told):
+        load_robot(urdf(body), **given)
