@@ -9,6 +9,7 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -17,6 +18,21 @@ from roadmap.errors import PlanningError
 
 def _nothing() -> None:
     """Prepare nothing."""
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Start processes in here that hear no Ctrl-C, from their first line on.
+
+    One that does complains of it, in the middle of an import. Who starts them has to
+    end them.
+    """
+    resource_tracker.ensure_running()  # starting it would let them hear it again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -44,7 +60,8 @@ def in_processes(
             work = (there, run, jobs[k::number], prepare, given)
             children.append(context.Process(target=_work, args=work, daemon=True))
             ends.append(here)
-            children[-1].start()
+            with unheard():
+                children[-1].start()
             there.close()
         yield (_result(ends[k % number]) for k in range(len(jobs)))
     finally:
@@ -71,7 +88,6 @@ def _work(
     end: Connection, run: Callable, jobs: list, prepare: Callable, given: tuple
 ) -> None:
     """Do jobs in a process of its own, until they are done or nobody listens."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
     with suppress(BrokenPipeError):
         try:
             prepare(*given)

@@ -26,7 +26,7 @@ def _mend_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-        elif getattr(sys, name).errors == "strict":
+        elif getattr(sys, name).errors in ("strict", "surrogateescape"):  # LC_ALL=C
             getattr(sys, name).reconfigure(errors="replace")
 
 

@@ -311,6 +311,8 @@ def _file_of(table: dict, k: int, kind: str, folder: Path | None) -> Path:
     if not isinstance(name, str):
         raise BadRecipe(f"scenery {k}: {what} needs a file, not {name!r}; name it")
     file = Path(folder or "", name)
+    if file.is_dir():
+        raise BadRecipe(f"scenery {k}: {file} is a folder; name a {kind} in it")
     if not file.is_file():
         raise BadRecipe(f"scenery {k}: there is no {kind} {file}; correct its file")
     return file

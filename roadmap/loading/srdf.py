@@ -12,6 +12,8 @@ def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
     """Return {links: reason} of the <disable_collisions> of an SRDF file."""
     check_kind("an SRDF file", path, (str, os.PathLike), "give its path")
     path = Path(path)
+    if path.is_dir():
+        raise BadRobot(f"{path} is a folder; name the SRDF in it, or leave it out")
     if not path.is_file():
         raise BadRobot(
             f"there is no SRDF file at {str(path)!r}; give the path of one, or leave "
@@ -22,6 +24,11 @@ def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
         raise BadRobot(
             f"{path.name} holds <{root.tag}>, not the <robot> of an SRDF; "
             "give one, or leave it out"
+        )
+    if root.find("link") is not None or root.find("joint") is not None:
+        raise BadRobot(
+            f"{path.name} is a URDF, with links and joints of its own; give the SRDF "
+            "beside it, or leave it out"
         )
     pairs = {}
     for element in root.iter("disable_collisions"):

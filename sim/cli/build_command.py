@@ -2,7 +2,7 @@
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +12,7 @@ from sim.run.crew import HERE, Place, begin_ahead, crew
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FOLDER, MOST_WORKERS, Limits, Refused, check_choice
 from sim.terminal.flags import Json, Threads, argument, flag, from_request
-from sim.terminal.output import bytes_text, report
+from sim.terminal.output import bytes_text, counted, report
 from sim.terminal.progress import Bars, now_compiling
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class BuildRequest:
         None, "Nodes of the roadmap.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
     )
     neighbors: int | None = flag(
-        None, "Edges tried per node.", panel=_COST, limits=Limits(1, 1000)
+        None, "Edges tried per node.", panel=_COST, limits=Limits(1, 500)
     )
     h: float | None = flag(
         None,
@@ -109,6 +109,8 @@ def build(request: BuildRequest) -> None:
 
     odm build --robot my.urdf --tip tool0 --nodes 10000 --out DIR
     """
+    from roadmap.errors import BuildRefused
+
     if (request.recipe is None) == (request.robot is None):
         raise Refused(
             "give either a recipe (`odm build panda`, `odm build my.toml`) or --robot "
@@ -124,12 +126,23 @@ def build(request: BuildRequest) -> None:
         suggest_sizes(recipe, threads, json)
         return
     target = request.out or MAPS / recipe.name
-    check_map_folder(target, recipe, request.force)
+    try:
+        check_map_folder(target, recipe, request.force)
+    except BuildRefused:
+        _check_robot(recipe)
+        raise
     cell_map, seconds = build_to(
         target, recipe, threads, quiet=json == "-", place=place
     )
     facts = built_facts(cell_map, target, seconds)
     report(facts, json, _show)
+
+
+def _check_robot(recipe: "Recipe") -> None:
+    """Refuse a robot that cannot be read, told before where its map goes."""
+    from odm.cell_map.build import robot_of
+
+    robot_of(replace(recipe, robot=replace(recipe.robot, cover_excess=0.2)))
 
 
 def parse_locked(pairs: list[str] | None) -> dict[str, float]:
@@ -175,9 +188,10 @@ def recipe_of(request: BuildRequest) -> "Recipe":
         given = {k: v for k, v in values.items() if v not in (None, {})}
         table[section] = table.get(section, {}) | given
     if request.name is not None:
-        if not request.name.strip() or "/" in request.name:
+        name = request.name
+        if not name.strip() or "/" in name or name in (".", ".."):
             raise Refused(
-                f"--name is {request.name!r}: give a name without '/', and the folder "
+                f"--name is {name!r}: give a name without '/', and the folder "
                 "with --out"
             )
         table["name"] = request.name
@@ -232,13 +246,17 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
     from rich.console import Console
 
     from odm.cell_map.estimate import estimate
+    from roadmap import robot_names
 
     size = estimate(robot, recipe)
     Console(stderr=True).print(
-        f"{recipe.name}: {recipe.roadmap.nodes:,} nodes, about {size.n_edges:,} edges "
-        f"and {bytes_text(size.map_bytes)}",
+        f"{recipe.name}: {recipe.roadmap.nodes:,} nodes, about "
+        f"{counted(size.n_edges, 'edge')} and {bytes_text(size.map_bytes)}",
         highlight=False,
     )
+    if recipe.robot.tip is None and recipe.robot.source not in robot_names():
+        told = f"the tool is {robot.tip_name}, the end of the longest chain; --tip"
+        Console(stderr=True).print(f"{told} LINK takes another", highlight=False)
     for note in robot.notes:
         if note.startswith(tuple(f"{name}: " for name in robot.joint_names)):
             Console(stderr=True).print(note, highlight=False)
@@ -257,8 +275,10 @@ def built_map(recipe: "Recipe", threads: int = 0) -> Path:
     if not there:
         check_map_folder(folder, recipe, force=True)
         cell_map, took = build_to(folder, recipe, threads)
-        counts = f"{cell_map.roadmap.n_nodes:,} nodes, {cell_map.roadmap.n_edges:,}"
-        line = f"{recipe.name} map: {counts} edges in {took:.0f} s, {folder}"
+        roadmap = cell_map.roadmap
+        edges = counted(roadmap.n_edges, "edge")
+        counts = f"{roadmap.n_nodes:,} nodes, {edges}"
+        line = f"{recipe.name} map: {counts} in {took:.0f} s, {folder}"
         typer.echo(line, err=True)
     return folder
 
@@ -288,7 +308,7 @@ def _show(facts: dict) -> None:
     per_edge = facts["bytes_per_edge"]
     parts = facts["n_components"]
     print(
-        f"{facts['nodes']:,} nodes and {facts['edges']:,} edges in "
+        f"{counted(facts['nodes'], 'node')} and {counted(facts['edges'], 'edge')} in "
         f"{facts['seconds']:.1f} s, {bytes_text(facts['folder_bytes'])}: "
         f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, and "
         f"{per_edge['block_major']:.0f} more in memory for the block-major one"

@@ -6,7 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.terminal.checks import PICTURE, PIXELS, PLACE, TURN, Limits
-from sim.terminal.flags import Json, MapOption, argument, flag, from_request
+from sim.terminal.flags import (
+    Json,
+    MapOption,
+    argument,
+    flag,
+    from_request,
+    refuse_beside,
+)
 from sim.terminal.output import FINDING, leave, report
 
 if TYPE_CHECKING:
@@ -104,6 +111,9 @@ def camera(request: CameraRequest) -> None:
     """
     from odm import DepthCamera, SeenSettings, SeenSpace, load_map
 
+    if request.pose is not None:
+        what = "a camera without --pose, which says it all"
+        refuse_beside(request, ("eye", "at"), what, "leave one of both")
     cell_map = load_map(request.map_dir)
     joints = _configuration(cell_map, request.q)
     image = read_depth_png(request.file)

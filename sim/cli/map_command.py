@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.terminal import interrupt
-from sim.terminal.checks import PICTURE, Refused
-from sim.terminal.flags import Json, MapArgument, Seed, Threads, flag, from_request
+from sim.terminal.checks import PICTURE
+from sim.terminal.flags import (
+    Json,
+    MapArgument,
+    Seed,
+    Threads,
+    flag,
+    from_request,
+    refuse_beside,
+)
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
@@ -18,6 +26,8 @@ if TYPE_CHECKING:
     from odm.audit.audit import AuditReport
     from odm.audit.sequence_audit import SequenceReport
 
+# what some flags of an audit are about
+_PAIRS = "an audit by pairs, not with --sequences or --sabotage certificate"
 REPORT_S = 30.0  # after Ctrl-C an audit may take so long to tell what it found [s]
 
 
@@ -91,14 +101,11 @@ def audit(request: AuditRequest) -> None:
     from odm import load_map
     from sim.tables import describe
 
-    if request.sequences is not None and (request.payload or request.close):
-        told = "--payload" if request.payload else "--close"
-        raise Refused(
-            f"{told} was given with --sequences {request.sequences}, which audits what "
-            "a planner remembers, not pairs; leave one of both"
-        )
-    cell_map = load_map(request.map_dir)
     by_sequences = request.sequences is not None or request.sabotage == "certificate"
+    if by_sequences:
+        names = ("payload", "close", *(("pairs",) if request.sequences else ()))
+        refuse_beside(request, names, _PAIRS, "leave one of both")
+    cell_map = load_map(request.map_dir)
     # an audit by pairs that is interrupted tells what it found so far
     with nullcontext() if by_sequences else interrupt.patience(REPORT_S):
         if by_sequences:

@@ -11,7 +11,14 @@ import typer
 
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FILM, FOLDER, RECORDING, Limits, Refused, Writes
-from sim.terminal.flags import Json, argument, flag, from_request, given
+from sim.terminal.flags import (
+    Json,
+    argument,
+    flag,
+    from_request,
+    given,
+    refuse_beside,
+)
 from sim.terminal.output import report, show_json, write_text
 from sim.terminal.progress import Bars
 
@@ -109,6 +116,7 @@ def replay(request: ReplayRequest) -> None:
     if request.file is not None and path.suffix.lower() == ".json":
         what = f"a recording, but {path} is a hand-over plan"
         _refuse(given(request, _RUN) + given(request, _FRAMES), what)
+        refuse_beside(request, ("map_dir", "reach"), what)
         _play_plan(path, request)
         return
     _refuse(given(request, _PLAN), f"a hand-over plan, which {path} is not")
@@ -119,6 +127,7 @@ def replay(request: ReplayRequest) -> None:
         _replay(path, request)
         return
     _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
+    refuse_beside(request, ("reach",), f"a recorded run, which {path} is not")
     if request.map_dir is None:
         raise Refused(
             f"{path} holds recorded obstacle frames, which need a map: add --map MAP"
@@ -215,6 +224,9 @@ def _replay(path: Path, request: ReplayRequest) -> None:
         report(holds_facts(found), request.json, show_holds)
     if request.holds or request.recipe_out or request.build:
         return
+    if not {"story", "targets"} & set(found.head):
+        what = f"a hand-over or a run to targets, which {path} is not"
+        refuse_beside(request, ("reach",), what)
     cell_map = _map_of(found, path, request.map_dir)
     if "story" in found.head:
         _repeat_story(found, path, cell_map, request)
@@ -233,8 +245,9 @@ def _check_only(request: ReplayRequest) -> None:
             f"--json goes with a replay or --holds, not with {taken[0]}; leave it out"
         )
     only = ["--holds", *taken] if request.holds else taken
-    if only and request.record is not None:
-        raise Refused(f"--record goes with a replay, not with {only[0]}; leave it out")
+    if only:
+        names = ("record", "map_dir", "reach")
+        refuse_beside(request, names, f"a replay, not with {only[0]}")
 
 
 def _again(

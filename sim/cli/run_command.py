@@ -1,6 +1,10 @@
 """`odm run` and `odm demo`: a robot at work beside a person."""
 
+import json
+import sys
+from contextlib import redirect_stdout
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -55,6 +59,16 @@ def demo(request: DemoRequest) -> None:
     if request.story != WORK and (_own_robot(request) or _brings_panda()):
         _hand_over(request)
         return
+    quiet = request.json == "-"
+    with redirect_stdout(sys.stderr if quiet else sys.stdout):
+        files = _work(request)
+    if request.json is not None:
+        text = files["figures"].read_text(encoding="utf-8")
+        show_json(json.loads(text), request.json)
+
+
+def _work(request: DemoRequest) -> dict[str, Path]:
+    """Show a robot at work; return the files with film, plot and figures."""
     if request.story != WORK:
         print(
             "pybullet, which brings the Panda and its fingers, is not installed: the "
@@ -65,9 +79,8 @@ def demo(request: DemoRequest) -> None:
     from sim.run.places import DEMO as SETTINGS
 
     folder = built_map(demo_recipe(), request.threads)
-    run_demo(
-        folder, request.out, settings=replace(SETTINGS, duration_s=request.lasts())
-    )
+    settings = replace(SETTINGS, duration_s=request.lasts(), seed=request.seed)
+    return run_demo(folder, request.out, settings=settings)
 
 
 def _hand_over(request: DemoRequest) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sim.run.folders import MAPS
 from sim.terminal.checks import Limits
-from sim.terminal.flags import argument, flag, from_request
+from sim.terminal.flags import argument, flag, from_request, refuse_beside
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -73,6 +73,8 @@ def view(request: ViewRequest) -> None:
         raise BadInput("there is nothing to show; give a recording, or --map MAP")
     if request.file is not None:
         _check_kind(request.file)
+    else:
+        refuse_beside(request, ("at",), "a recording, a map alone has no times")
     check_viewer()
     token = token_for(request.host, request.token)
     shown = recorded_show(request) if request.file else _map_alone(request.map_dir)

@@ -17,7 +17,14 @@ from sim.terminal.checks import (
     SECONDS,
     Limits,
 )
-from sim.terminal.flags import Json, Threads, argument, flag, from_request
+from sim.terminal.flags import (
+    Json,
+    Threads,
+    argument,
+    flag,
+    from_request,
+    refuse_beside,
+)
 from sim.terminal.output import bytes_text, guarded, report
 from sim.terminal.progress import Bars
 
@@ -158,10 +165,8 @@ def chain_of_request(request: ReachRequest) -> "Chain":
     from sim.cli.build_command import parse_locked
 
     if request.source == "human":
-        from roadmap.errors import BadInput
-
-        if request.tip or request.lock:
-            raise BadInput("a person's arm has no --tip and no --lock; leave them out")
+        names = ("tip", "lock", "self_collision")
+        refuse_beside(request, names, "a robot, not with a person's arm")
         return Human().arm("right").chain()
 
     # the sphere cover is not used here, so it may be coarse

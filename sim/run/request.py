@@ -190,7 +190,7 @@ class RunRequest:
         if self.motion != "mocap" and self.file is not None:
             return f"--file goes with --motion mocap, not with {self.motion}"
         if self.motion != "mocap":
-            names = ("mapping", "stand", "accept_defects")
+            names = ("mapping", "stand", "base_height", "accept_defects")
             if told := goes_with(self, names, "--motion mocap"):
                 return told
         pictures = {"--out": self.out, "--plot": self.plot}
@@ -214,6 +214,12 @@ class RunRequest:
             return f"--targets is {self.targets!r}: choose places or meet"
         if not self.meets:
             return goes_with(self, _MEET_ONLY, "--targets meet")
+        if told := goes_with(self, ("carry",), "--targets places", "leave it out"):
+            return told
+        if self.motion == "mocap":
+            what = "a scripted person, --motion mocap walks as recorded"
+            if told := goes_with(self, ("distance",), what, "leave it out"):
+                return told
         check_object(self.obj)
         if self.hand not in (None, "left", "right"):
             return f"--side is {self.hand!r}: choose left or right"

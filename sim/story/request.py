@@ -123,9 +123,9 @@ class DemoRequest:
             )
         if self.story == MAINTENANCE:
             return self._trouble_of_the_cycle()
-        if self.robot is not None or self.cycles != 1:
-            word = "cycles" if self.robot is None else "robot"
-            return f"--{word} goes with `odm demo maintenance`; leave it out"
+        what = "`odm demo maintenance`"
+        if told := goes_with(self, ("robot", "cycles"), what, "leave it out"):
+            return told
         only = ("direction", "human", "file", "mapping", "reach", "map_dir")
         only = (*only, "pads", "record", "film", "object", "mass", "scale")
         if self.story == WORK:

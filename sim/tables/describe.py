@@ -8,7 +8,7 @@ from odm import CellMap
 from odm.audit.clearance import clearance_overhead
 from roadmap.chunks import Progress
 from roadmap.geometry.spheres import cover_report
-from sim.terminal.output import bytes_text
+from sim.terminal.output import bytes_text, counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -146,7 +146,7 @@ def show(facts: dict) -> None:
         f"from {robot['source']}, tool {robot['tip']}"
     )
     console.print(
-        f"{roadmap['nodes']:,} nodes, {roadmap['edges']:,} edges, "
+        f"{counted(roadmap['nodes'], 'node')}, {counted(roadmap['edges'], 'edge')}, "
         f"{roadmap['neighbors_mean']} neighbours a node; bytes per edge: "
         f"{size['edge_major_per_edge']:.0f} edge-major, on disk and in memory, and "
         f"{size['block_major_per_edge']:.0f} block-major, derived in memory "

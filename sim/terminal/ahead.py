@@ -14,7 +14,6 @@ import importlib
 import json
 import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -69,12 +68,15 @@ def _cores() -> int:
 @contextmanager
 def _beside(number: int, folder: Path, command: str) -> Iterator[list]:
     """Yield processes that do the same; none is left afterwards."""
+    from odm.processes import unheard  # not above: a bar needs no planner
+
     context = multiprocessing.get_context("spawn")
     given = (folder, command, gc.get_threshold(), os.getpid())
     others = [context.Process(target=_child, args=given) for _ in range(number)]
     try:
         for other in others:
-            other.start()
+            with unheard():
+                other.start()
         yield others
     finally:
         for other in others:
@@ -86,7 +88,6 @@ def _beside(number: int, folder: Path, command: str) -> Iterator[list]:
 def _child(
     folder: Path, command: str, collect: tuple[int, int, int], parent: int
 ) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
     gc.set_threshold(*collect)
     with suppress(FileNotFoundError):  # the folder is gone: so is the need for us
         _work(folder, command, [], parent)

@@ -146,7 +146,7 @@ def _check_number(word: str, value: float, limits: Limits) -> None:
 
 def _plain(value: float) -> str:
     """Return a number as a person writes it: 5000000, not 5e+06."""
-    whole = math.isfinite(value) and abs(value) < 1e10 and value == int(value)
+    whole = isinstance(value, int) or (abs(value) < 1e10 and value == int(value))
     return str(int(value)) if whole else f"{value:g}"
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, get_origin, get_type_hints
 
 import typer
 
-from sim.terminal.checks import MOST_WORKERS, Limits, Writes, check_value
+from sim.terminal.checks import MOST_WORKERS, Limits, Refused, Writes, check_value
 
 JSON_HELP = "Write the figures as JSON to FILE; alone or as '-': to the terminal."
 MapArgument = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
@@ -154,9 +154,14 @@ def given(request: object, panel: str) -> list[str]:
     return [
         flags[name]
         for name, (_, _, option) in _options(type(request)).items()
-        if option.rich_help_panel == panel
-        and getattr(request, name) not in (None, False)
+        if option.rich_help_panel == panel and is_given(request, name)
     ]
+
+
+def is_given(request: object, name: str) -> bool:
+    """Return whether a field of a request is another than where it is left out."""
+    value, one = getattr(request, name), type(request).__dataclass_fields__[name]
+    return value is not None and value != one.default
 
 
 def goes_with(
@@ -167,9 +172,18 @@ def goes_with(
 ) -> str:
     """Return a sentence on the first of some fields that was given, "" for none."""
     for name in names:
-        if getattr(request, name) is not None and getattr(request, name) is not False:
-            return f"{flags_of(type(request))[name]} goes with {what}; {remedy}"
+        if is_given(request, name):
+            word = flags_of(type(request))[name].rpartition("/")[2]
+            return f"{word} goes with {what}; {remedy}"
     return ""
+
+
+def refuse_beside(
+    request: object, names: Iterable[str], what: str, remedy: str = "leave it out"
+) -> None:
+    """Refuse fields that have no effect in what was asked for; see `goes_with`."""
+    if told := goes_with(request, names, what, remedy):
+        raise Refused(told)
 
 
 def from_request(kind: type) -> Callable[[Callable], Callable]:

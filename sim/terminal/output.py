@@ -23,6 +23,13 @@ _REMEDIES = (  # of Python, and of the command line
     (r"in PlannerSettings\(finger_pads=\.\.\.\)$", "with --pads LINK"),
     (r"check its pose T_base_camera$", "check --eye, or --pose"),
 )
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PLACES = {  # what to do about a file, by what the system says
+    **dict.fromkeys(_FULL, "free some room, or choose another place"),
+    errno.ENOENT: "check the path",
+    errno.EISDIR: "name a file in it",
+    errno.EACCES: "change its permissions, or choose another place",
+}
 FINDING, MISTAKE = 1, 2  # exit codes: something was found; it could not be done
 
 
@@ -68,7 +75,8 @@ def _sentence(error: Exception) -> str | None:
             f"run: pip install 'odm-planner[{extra}]'"
         )
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+        remedy = _PLACES.get(error.errno or 0, "choose another place")
+        return f"{error.filename}: {error.strerror}; {remedy}"
     if isinstance(error, MemoryError):
         return "there is not enough memory; take larger cells or fewer nodes"
     # not imported above: it brings numba along, and --help should be quick
@@ -88,13 +96,13 @@ def _as_typed(text: str) -> str:
 def no_room(error: Exception) -> str | None:
     """Return what to read where standard output could not be written, else None."""
     full = isinstance(error, OSError) and error.filename is None
-    if not full or error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+    if not full or error.errno not in _FULL:
         return None
     with contextlib.suppress(OSError):  # what is still to be written has no room, too
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return (
-        f"odm: standard output could not be written: {error.strerror}; free some, or "
-        "send it elsewhere"
+        f"odm: standard output could not be written: {error.strerror}; free some "
+        "room, or send it elsewhere"
     )
 
 
@@ -171,6 +179,11 @@ def stdout_to_stderr() -> Iterator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+
+
+def counted(n: int, what: str) -> str:
+    """Return a count for people: "1 edge", "12,345 edges"."""
+    return f"{n:,} {what}{'' if n == 1 else 's'}"
 
 
 def bytes_text(size: float) -> str:

@@ -46,8 +46,9 @@ def test_lines_of_help_are_broken_by_the_screen_alone(odm, monkeypatch, command)
             assert len(line) + 1 + len(after.split()[0]) > 78, line
 
 
-def test_output_that_is_closed_or_of_few_letters_ends_no_command(monkeypatch):
-    few = io.TextIOWrapper(io.BytesIO(), "ascii", newline="\n")
+@pytest.mark.parametrize("errors", ["strict", "surrogateescape"])  # of LC_ALL=C
+def test_output_that_is_closed_or_of_few_letters_ends_no_command(monkeypatch, errors):
+    few = io.TextIOWrapper(io.BytesIO(), "ascii", errors, newline="\n")
     monkeypatch.setattr(sys, "stdout", few)
     monkeypatch.setattr(sys, "stderr", None)
     entry._mend_streams()
@@ -145,6 +146,16 @@ def test_a_recipe_is_built_from_another_folder(odm, tmp_path, monkeypatch):
     assert odm(*words, "--srdf", "mine.srdf", "--force")[0] == 0
     pairs = [pair[:2] for pair in load_map("map").robot.dropped_pairs]
     assert ("base", "hand") in pairs
+
+
+def test_the_tool_that_was_not_named_is_told_and_one_edge_is_one(odm, tmp_path):
+    urdf = tiny_recipe(tmp_path).robot.source
+    words = ("--nodes", 2, "--neighbors", 1, "--out", tmp_path / "map")
+    code, out, err = odm("build", "--robot", urdf, *words)
+    assert code == 0 and out.startswith("2 nodes and 1 edge in ")
+    assert "the tool is hand" in err and "--tip" in err and "about 1 edge " in err
+    _, _, err = odm("build", "--robot", urdf, "--tip", "hand", *words, "--force")
+    assert "the tool" not in err
 
 
 def test_a_joint_can_be_locked_on_the_command_line(odm, tmp_path):
@@ -284,6 +295,23 @@ def test_a_bench_without_a_map_takes_the_one_it_is_meant_for(
     assert asked == [folder, Path("mine"), there]
 
 
+def test_the_demo_at_work_has_a_seed_and_prints_its_figures_alone(
+    odm, monkeypatch, tmp_path
+):
+    from sim.cli import run_command
+    from sim.run import demo
+
+    def played(folder, out, settings):
+        print("tables")
+        (tmp_path / "figures.json").write_text(json.dumps({"seed": settings.seed}))
+        return {"figures": tmp_path / "figures.json"}
+
+    monkeypatch.setattr(run_command, "built_map", lambda *_: tmp_path)
+    monkeypatch.setattr(demo, "run_demo", played)
+    code, out, err = odm("demo", "--seed", 3, "--json")
+    assert code == 0 and json.loads(out) == {"seed": 3} and "tables" in err
+
+
 def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
     from sim.cli import run_command
     from sim.run import demo
@@ -315,4 +343,4 @@ def test_a_robot_without_any_geometry_is_refused(odm, tmp_path):
 @pytest.mark.parametrize("flag", ["--payload", "--close"])
 def test_sequences_are_audited_without_what_concerns_pairs(odm, map_dir, flag):
     code, _, err = odm("audit", str(map_dir), "--sequences", "5", flag)
-    assert code == 2 and f"{flag} was given with --sequences 5" in err
+    assert code == 2 and f"{flag} goes with an audit by pairs" in err

@@ -1,5 +1,6 @@
 """Ctrl-C ends a command: at any moment, whatever swallows it, with nothing left."""
 
+import os
 import re
 import signal
 import subprocess
@@ -59,6 +60,19 @@ RUNS_OF_A_BENCH = """
 from sim.bench.many import play_all
 with interrupt.interruptible():
     play_all(time.sleep, [0, 60, 0, 60], 2, lambda told: ready())
+"""
+BEING_LOADED = """
+pathlib.Path("slow.py").write_text(
+    "import os, signal, time\\n"
+    "def work(job): time.sleep(60)\\n"
+    "if os.environ.get('BESIDE'): os.kill(os.getpid(), signal.SIGINT)\\n"
+    "if os.environ.get('BESIDE'): print('ready', flush=True)"
+)
+from slow import work
+from odm.processes import in_processes
+os.environ["BESIDE"] = "1"
+with interrupt.interruptible(), in_processes(1, work, [0]) as results:
+    next(results)
 """
 IN_CALLBACK = """
 class Loud:
@@ -164,9 +178,9 @@ with interrupt.interruptible(), interrupt.patience(20.0):
 """
 
 
-def end(process, number=signal.SIGINT):
-    """Send Ctrl-C; return exit code, seconds, stdout and stderr."""
-    process.send_signal(number)
+def end(process, number=signal.SIGINT, whole_group=False):
+    """Send Ctrl-C, as a terminal to all; return exit code, seconds, stdout, stderr."""
+    (os.killpg if whole_group else os.kill)(process.pid, number)
     begun = time.monotonic()
     out, err = process.communicate(timeout=60)
     return process.returncode, time.monotonic() - begun, out, err
@@ -182,11 +196,11 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert "never" not in out
 
 
-@pytest.mark.parametrize("script", [IN_PROCESSES, RUNS_OF_A_BENCH])
+@pytest.mark.parametrize("script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED])
 def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
     with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
-        code, seconds, _, err = end(process)
+        code, seconds, _, err = end(process, whole_group=True)
     assert code == 130 and seconds < PATIENCE_S
     assert err.splitlines() == [interrupt.SENTENCE]
 

@@ -21,6 +21,8 @@ RUN, BUILD = ("run", "--map", "map"), ("build", "--robot", "arm.urdf", "--tip", 
 MEET = ("workspace", "meet", "--robot", "panda")
 GRASPS = ("grasps", "build", "--object", "cup", "--hand", "panda")
 MOCAP = ("demo", "handover", "--map", "map", "--human", "mocap")
+CLIP = ("--motion", "mocap", "--file", "clip.csv")
+CAMERA, HUMAN = ("camera", "d.png", "--map", "map"), ("workspace", "build", "human")
 FRAMES = ("replay", "--map", "map", "--frames")
 
 FLAGS = [  # units, numbers, words and choices, told without loading anything
@@ -136,6 +138,23 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     (BUILD + ("--scheduler", "localhost"), "'localhost'", "tcp://host:8786"),
     (BUILD + ("--scheduler", "http://h:1"), "'http://h:1'", "tcp://host:8786"),
     (("handover", "plan", "butler", "--time-limit", "0"), "--time-limit is 0", "60"),
+    (BUILD + ("--name", ".."), "--name is '..'", "--out"),
+    (BUILD + ("--neighbors", "501"), "--neighbors is 501", "from 1 to 500"),
+    (BUILD + ("--seed", str(2**63)), f"--seed is {2**63}: ", f"0 to {2**63 - 1}"),
+    # flags that would have no effect there
+    (RUN + ("--base-height", "1"), "--base-height", "--motion mocap"),
+    (RUN + ("--targets", "meet", "--carry", "0.1"), "--carry", "--targets places"),
+    (RUN + (*CLIP, "--targets", "meet", "--between", "1", "2"), "--between", "leave"),
+    (("audit", "map", "--sequences", "5", "--pairs", "9"), "--pairs", "--sequences"),
+    (("audit", "map", "--sabotage", "certificate", "--close"), "--close", "by pairs"),
+    (("audit", "map", "--sabotage", "certificate", "--payload"), "--payload", "pairs"),
+    (("view", "--map", "map", "--at", "3"), "--at goes with a recording", "leave it"),
+    (CAMERA + ("--pose", *"000000", "--eye", "1", "1", "1"), "--eye", "--pose"),
+    (CAMERA + ("--pose", *"000000", "--at", "1", "1", "1"), "--at", "--pose"),
+    (HUMAN + ("--no-self-collision",), "--no-self-collision goes with a robot", "out"),
+    (HUMAN + ("--lock", "a=1"), "--lock goes with a robot", "leave it out"),
+    (("demo", "handover", "--cycles", "3"), "--cycles", "odm demo maintenance"),
+    (("demo", "--robot", "panda"), "--robot", "odm demo maintenance"),
 ]  # fmt: skip
 
 FILES = [  # paths, formats and permissions of what is to be written
@@ -179,6 +198,14 @@ READ = [  # files that are not there, or are something else
     (BUILD + ("--lock", "elbow=1"), "elbow", "'a', 'b', 'c'"),
     (BUILD + ("--lock", "a=200"), "200", "3"),
     (BUILD + ("--srdf", "no.srdf"), "no.srdf", ""),
+    (BUILD + ("--srdf", "arm.urdf"), "arm.urdf is a URDF", "the SRDF beside it"),
+    (BUILD + ("--srdf", "others"), "others is a folder", "name the SRDF in it"),
+    (BUILD + ("--scenery", "others"), "others is a folder", "name a file in it"),
+    (BUILD + ("--out", "map", "--srdf", "no.srdf"), "no.srdf", "leave it out"),
+    (BUILD + ("--out", "map", "--tip", "tool0"), "no link 'tool0'", "hand"),
+    (BUILD + ("--out", "map"), "the map of another recipe", "--force"),
+    (FRAMES + ("good.npz", "--reach", "r"), "--reach goes with a recorded", "leave"),
+    (("replay", "other.json", "--map", "map"), "--map goes with a recording", "leave"),
     (RUN + ("--motion", "mocap", "--file", "no.bvh"), "no.bvh", ""),
     (RUN + ("--motion", "mocap", "--file", "clip.csv"), "clip.csv", "HIERARCHY"),
     (RUN + ("--carry", "0.1"), "payload", "recipe"),
