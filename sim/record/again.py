@@ -101,9 +101,10 @@ def check_built(record: RunRecord, cell_map: CellMap, folder: object) -> None:
     if cell_map.hash != wanted:
         raise BadRecord(
             f"the map built in {folder} has the hash {cell_map.hash[:12]}, not "
-            f"{wanted[:12]}: this version builds another one from the same recipe; "
-            f"use odm-planner {written.get('odm-planner', '')} with numpy "
-            f"{written.get('numpy', '')}, which recorded the run"
+            f"{wanted[:12]}: these versions, or this processor, build another one from "
+            "the same recipe; use odm-planner "
+            f"{written.get('odm-planner', '')} with numpy {written.get('numpy', '')}, "
+            "which recorded the run, or ask for the map's folder"
         )
 
 
