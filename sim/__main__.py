@@ -22,14 +22,14 @@ def main() -> None:
     """Run the command line, see `sim.cli.main.main`."""
     interrupt.listen()
     _mend_streams()
-    _compute_alike()
+    compute_alike()
     gc.set_threshold(*COLLECT)
     from sim.cli.main import main as run
 
     run()
 
 
-def _compute_alike(cpu: str = "/proc/cpuinfo") -> None:
+def compute_alike(cpu: str = "/proc/cpuinfo") -> None:
     """Let maps and runs be the same bytes on other processors; before numpy is there.
 
     What the user has set stays, and processors that are none of these are left alone.

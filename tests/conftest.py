@@ -4,12 +4,15 @@ import gc
 import importlib.util
 from collections.abc import Generator
 
-import numpy as np
-import pytest
-from small import small_recipe
+from sim.__main__ import COLLECT, compute_alike
 
-import odm
-from sim.__main__ import COLLECT
+compute_alike()  # as the command does, before numpy is there
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+from small import small_recipe  # noqa: E402
+
+import odm  # noqa: E402
 
 gc.set_threshold(*COLLECT)  # as the command does: to rewrite asserts makes many objects
 ABSENT = "comes with pybullet"  # told wherever a robot of pybullet_data is asked for

@@ -68,7 +68,9 @@ def _code() -> str:
     """Return a hash of all that takes part in finding and proving a cover."""
     root = Path(__file__).parents[2]
     text = Sources(root).digest(root / "roadmap" / "geometry" / "spheres.py")
-    return f"{text} numpy {np.__version__} {platform.machine()}"
+    # matrix products end in other last digits: see docs/decisions/0118
+    core = os.environ.get("OPENBLAS_CORETYPE", "")
+    return f"{text} numpy {np.__version__} {platform.machine()} {core}"
 
 
 def _read(file: Path, name: str) -> np.ndarray | None:

@@ -60,24 +60,24 @@ def test_output_that_is_closed_or_of_few_letters_ends_no_command(monkeypatch, er
     assert few.buffer.getvalue() == b"20 ?s\n"
 
 
-def test_processors_with_avx2_are_told_to_compute_alike(monkeypatch, tmp_path):
+def test_processors_with_avx2_are_told_tocompute_alike(monkeypatch, tmp_path):
     for name in entry.ALIKE:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Zen")  # what the user wants
     cpu = tmp_path / "cpuinfo"
     for flags, told in (("fpu avx sse2", False), ("fma fpu avx2 avx512f", True)):
         cpu.write_text(f"model name : any\nflags : {flags}\n")
-        entry._compute_alike(str(cpu))
+        entry.compute_alike(str(cpu))
         assert ("NPY_DISABLE_CPU_FEATURES" in os.environ) == told
     assert os.environ["OPENBLAS_CORETYPE"] == "Zen"
-    entry._compute_alike(str(tmp_path / "none"))  # no Linux
+    entry.compute_alike(str(tmp_path / "none"))  # no Linux
 
 
 ALONE = """
 import sys
 from sim import __main__ as entry
 if sys.argv[1] == "alike":
-    entry._compute_alike()
+    entry.compute_alike()
 import numpy as np
 a = np.random.default_rng(0).uniform(-9.0, 9.0, (400, 3))
 print(np.sin(a).tobytes().hex()[-4000:], (a @ a[:3].T).tobytes().hex()[-4000:])
