@@ -164,7 +164,7 @@ class LastPhase:
 
     def _links_that_may(self, phase: str) -> set[str]:
         frame = self.frame
-        if phase not in _TOUCHED:
+        if not isinstance(phase, str) or phase not in _TOUCHED:
             raise BadInput(
                 f"there is no phase {phase!r}; choose 'give' or 'receive', or None"
             )
