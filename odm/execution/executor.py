@@ -96,8 +96,7 @@ class Executor:
             safety = planner.cell_map.safety
             self._clearance, tracking = safety.m, safety.tracking
             self._blend = min(self._blend, safety.blending)
-        # how much nearer than m it may come while it leaves somebody
-        self._closer = max(self._clearance - s.yield_gap, 0.0)
+        self._closer = max(self._clearance - s.yield_gap, 0.0)  # than m, leaving
         share = max(tracking - s.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
         self._test, self._separation = BrakingTest(planner), SeparationWatch(planner)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from odm.checks import as_floats
 from odm.execution.executor import Executor
 from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.settings import IntentSettings
@@ -21,6 +22,7 @@ from odm.execution.threat import age_of
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
+from roadmap.ranges import check_number
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +182,8 @@ def limits_threat(
         BadInput: It moves faster than it is said to, or its state is not finite.
     """
     robot = spheres.robot
-    q, dq = np.asarray(q, float), np.asarray(dq, float)
+    q, dq = as_floats("q", q), as_floats("dq", dq)
+    check_number("the other robot's speed_scale", speed_scale, 0.0, math.inf)
     for name, value in (("q", q), ("dq", dq)):
         if value.shape != (robot.dof,) or not np.isfinite(value).all():
             raise BadInput(

@@ -165,7 +165,7 @@ class LastPhase:
     def links_that_may(self, phase: str) -> set[str]:
         """Return the links that may touch something in a phase; BadInput as `look`."""
         frame = self.frame
-        if phase not in _TOUCHED:
+        if not isinstance(phase, str) or phase not in _TOUCHED:
             raise BadInput(
                 f"there is no phase {phase!r}; choose 'give' or 'receive', or None"
             )

@@ -17,6 +17,7 @@ from roadmap.motion.blending import (
     without_gaps,
 )
 from roadmap.motion.timing import State
+from roadmap.ranges import is_between
 from roadmap.robot.joint_values import check_values
 from roadmap.robot.robot import Robot
 
@@ -278,5 +279,5 @@ def _apart(path: np.ndarray) -> np.ndarray:
 
 def check_scale(scale: float, of: str = "speed") -> None:
     """Refuse what is no share of the velocity limits, or those that `of` names."""
-    if not 0.0 < scale <= 1.0:
+    if not (is_between(scale, 0.0, 1.0) and scale > 0.0):
         raise BadInput(f"a {of} scale of {scale} is no share; give (0, 1]")

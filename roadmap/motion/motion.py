@@ -6,6 +6,7 @@ it (`stop`, `rescaled`, `join`) and hands it over by replacing one reference.
 """
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +22,7 @@ from roadmap.motion.joining import Commit, joined, rescaled
 from roadmap.motion.retiming import timed
 from roadmap.motion.stopping import quickest_stop
 from roadmap.motion.timing import NoProfile, SpeedProfile, State
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, is_between
 from roadmap.robot.robot import Robot
 
 BLEND = 0.005  # [m] default bound on how far rounded corners deviate
@@ -275,7 +276,7 @@ def time_path(
         what = "give that of a map, or what load_robot returns"
         check_kind("a robot", robot, Robot, what)
     check_scale(speed_scale)
-    if not 0.0 <= blend < math.inf:
+    if not is_between(blend, 0.0, sys.float_info.max):
         raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
     path = unwound(robot, path)
     pieces, off = blend_path(robot, path, blend)

@@ -112,6 +112,11 @@ def test_a_robot_faster_than_it_says_is_refused(spheres):
         limits_threat(spheres, T, np.zeros(3), dq, speed_scale=0.1)
     with pytest.raises(BadInput, match="3 finite"):
         limits_threat(spheres, T, np.zeros(3), np.zeros(2))
+    with pytest.raises(BadInput, match="dq must be an array of real numbers"):
+        limits_threat(spheres, T, np.zeros(3), "still")
+    for share in (np.nan, -0.1, "half"):
+        with pytest.raises(BadInput, match="speed_scale is .* a number from 0"):
+            limits_threat(spheres, T, np.zeros(3), np.zeros(3), speed_scale=share)
 
 
 def test_spheres_are_of_a_robot():

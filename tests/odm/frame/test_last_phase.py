@@ -291,6 +291,8 @@ def test_a_frame_that_was_refused_leaves_the_classes_of_the_last_one(planner):
 def test_a_phase_that_cannot_be_is_refused(cell_map, planner):
     with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
         planner.is_free(Q, Q, phase="take")
+    with pytest.raises(BadInput, match=r"no phase \['give'\]; choose"):
+        planner.is_free(Q, Q, ["give"])
     with pytest.raises(BadInput, match="nothing is attached"):
         planner.blocked_leg(Q[None], phase="give")
     bare = odm.ReactivePlanner(cell_map)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from odm.obstacles.scene_files import read_scene
+from odm.obstacles.scene_files import read_scene, write_scene
 from odm.obstacles.shapes import Box, Cylinder, Mesh, Sphere
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
@@ -210,6 +210,9 @@ def test_a_broken_scene_is_told_by_its_line(tmp_path, text, told):
 
 
 def test_other_files_are_refused(tmp_path):
+    for call in (read_scene, lambda path: write_scene(path, [])):
+        with pytest.raises(BadInput, match=r"a scene is 3 \(int\); give its path"):
+            call(3)
     with pytest.raises(BadInput, match="does not exist; check the path"):
         read_scene(tmp_path / "none.scene")
     for name in ("cell.stl", "cell"):

@@ -279,7 +279,7 @@ def test_an_array_of_the_memory_cannot_be_replaced(held, name):
         setattr(held.memory, name, held.cell_map.grid.new_cloud(1))
 
 
-@pytest.mark.parametrize("name", ["memory", "radii"])
-def test_a_planner_keeps_its_memory_and_radii(held, name):
-    with pytest.raises(AttributeError):
-        setattr(held, name, None)
+def test_a_planner_keeps_its_memory_and_its_frame_the_radii(held):
+    for thing, name in ((held, "memory"), (held.frame, "radii")):
+        with pytest.raises(AttributeError):
+            setattr(thing, name, None)

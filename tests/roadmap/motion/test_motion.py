@@ -295,7 +295,10 @@ def test_a_single_corner_stands(panda):
         ({"path": np.full((2, 7), np.nan)}, "finite"),
         ({"speed_scale": 0.0}, "share"),
         ({"speed_scale": 1.5}, "share"),
+        ({"speed_scale": "half"}, "a speed scale of half is no share"),
         ({"blend": -0.1}, "blend"),
+        ({"blend": np.inf}, "blend"),
+        ({"blend": "5 mm"}, "a blend of 5 mm m is no bound"),
     ],
 )
 def test_bad_input_is_named(panda, change, word):
