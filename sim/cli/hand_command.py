@@ -100,7 +100,7 @@ def _arm_facts(request: HandRequest, cuts: list["Cut"]) -> dict:
 def _show_arm(facts: dict) -> None:
     from rich.console import Console
 
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     title = f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
     heads = ("plane", "reached", "most dextrous", "easiest", "best of both")
@@ -111,7 +111,7 @@ def _show_arm(facts: dict) -> None:
         told = (f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best)
         rows.append((at, area, *told))
     console = Console(highlight=False)
-    print_table(console, title + facts["posture"], heads, rows)
+    console.print(table_of(title + facts["posture"], heads, rows))
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 

@@ -157,7 +157,7 @@ def _segments(human: "Human") -> list[dict]:
 def _show(facts: dict) -> None:
     from rich.console import Console
 
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     console = Console(highlight=False)
     reach = facts["reach"]
@@ -173,11 +173,11 @@ def _show(facts: dict) -> None:
         mass = "" if row["mass_kg"] is None else f"{row['mass_kg']:.2f}"
         radius = "" if row["radius_m"] is None else f"{row['radius_m']:.3f}"
         rows.append((row["segment"], length, share, mass, radius))
-    print_table(console, "Segments", heads, rows, title_style="bold")
+    console.print(table_of("Segments", heads, rows))
     heads = ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture")
     names = ("lower_deg", "upper_deg", "now_deg")
     rows = [(r["joint"], *(f"{r[n]:.0f}" for n in names)) for r in facts["joints"]]
-    print_table(console, "Joints of an arm", heads, rows, title_style="bold")
+    console.print(table_of("Joints of an arm", heads, rows))
     console.print(
         f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
         f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "
