@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.cli.workspace_command import app
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
-from sim.terminal.output import guarded, report
+from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -35,8 +34,6 @@ class HandRequest:
     json: Json = None
 
 
-@app.command("human")
-@guarded
 @from_request(HandRequest)
 def human_reach(request: HandRequest) -> None:
     """Show dexterity and effort over the places of a hand, in two planes.

@@ -4,25 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from sim.people.grips import grip_points
 from sim.terminal.checks import HEIGHT, PICTURE, Limits
 from sim.terminal.flags import Json, Posture, flag, from_request
-from sim.terminal.output import guarded, report
+from sim.terminal.output import report
 
 if TYPE_CHECKING:
     from handover import Human
-
-app = typer.Typer(
-    help="The model of the person: proportions, joint ranges, reach.",
-    no_args_is_help=True,
-)
-
-
-@app.callback()
-def _group() -> None:
-    """Commands of `odm human`."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +35,6 @@ class HumanRequest:
     json: Json = None
 
 
-@app.command("info")
-@guarded
 @from_request(HumanRequest)
 def human_info(request: HumanRequest) -> None:
     """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
