@@ -207,13 +207,6 @@ def prism(radius: float, length: float) -> np.ndarray:
     return np.concatenate([np.hstack([ring, -half]), np.hstack([ring, half])])
 
 
-def hull_points(points: np.ndarray) -> np.ndarray:
-    """Return the corners of a convex hull."""
-    from scipy.spatial import ConvexHull  # what runs without plans need not load it
-
-    return points[ConvexHull(points).vertices]
-
-
 @lru_cache(maxsize=16)
 def _limb(source: str, side: str, hand: str) -> Limb:
     model, spec = agent_model(source), load_hand(hand).spec

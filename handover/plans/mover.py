@@ -18,12 +18,12 @@ from handover.plans.limb import (
     ball_of,
     balls_of,
     box_corners,
-    hull_points,
     prism,
 )
 from handover.plans.settings import ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.geometry.solids import hull_corners
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.seven import free_angles, room
@@ -500,7 +500,7 @@ def _rest(placed: PlacedAgent, limb: Limb, body: int, prefix: str) -> list[tuple
 def _hulls(thing: GraspObject) -> tuple[np.ndarray, ...]:
     """Return the corners of the hulls of an object's parts, its frame [m]."""
     moved = [(part.vertices, part.T_base_shape) for part in thing.parts]
-    return tuple(hull_points(moved_points(v, T)) for v, T in moved)
+    return tuple(hull_corners(moved_points(v, T)) for v, T in moved)
 
 
 def shape_points(shape: Shape) -> tuple[np.ndarray, float]:
@@ -517,5 +517,5 @@ def shape_points(shape: Shape) -> tuple[np.ndarray, float]:
         points = box_corners(shape.size)
     else:
         assert isinstance(shape, Mesh)
-        points = hull_points(shape.vertices)
+        points = hull_corners(shape.vertices)
     return moved_points(points, T), radius

@@ -18,7 +18,7 @@ from roadmap.arrays import freeze
 from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.polytope import shell
-from roadmap.geometry.solids import Solid
+from roadmap.geometry.solids import Solid, hull_corners
 from roadmap.geometry.spheres import cover_solids
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
@@ -274,11 +274,8 @@ def _solid_of(shape: shapes.Box | shapes.Cylinder | shapes.Mesh) -> Solid:
         return Solid(BOX, 0, T, tuple(shape.size.tolist()), _NO_POINTS)
     if isinstance(shape, shapes.Cylinder):
         return Solid(CYLINDER, 0, T, (shape.radius, shape.length, 0.0), _NO_POINTS)
-    from scipy.spatial import ConvexHull
-
-    vertices = np.asarray(shape.vertices)
     try:
-        corners = vertices[ConvexHull(vertices).vertices]
+        corners = hull_corners(np.asarray(shape.vertices))
     except Exception as error:  # qhull's own error class
         raise BadInput(
             "the object's mesh is flat, so it has no volume; give it thickness"

@@ -53,7 +53,8 @@ def solid_of(
     points, is_flat = _thickened(points)
     thickened = f"is flat; thickened to {MIN_THICKNESS * 1e3:g} mm"
     note = f"{owner.name}: the mesh {path.name} {thickened}" if is_flat else ""
-    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), _extreme(points)), note
+    corners = hull_corners(np.unique(points, axis=0))
+    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), corners), note
 
 
 def _thickened(points: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -68,9 +69,8 @@ def _thickened(points: np.ndarray) -> tuple[np.ndarray, bool]:
     return (points[:, None, :] + corners).reshape(-1, 3), True
 
 
-def _extreme(points: np.ndarray) -> np.ndarray:
-    """Return the vertices of the convex hull, in the order of the file."""
-    from scipy.spatial import ConvexHull
+def hull_corners(points: np.ndarray) -> np.ndarray:
+    """Return those of points (n, 3) that are corners of their hull, in their order."""
+    from scipy.spatial import ConvexHull  # what needs no hull need not load it
 
-    points = np.unique(points, axis=0)
-    return points[np.sort(ConvexHull(points).vertices)]
+    return points[ConvexHull(points).vertices]

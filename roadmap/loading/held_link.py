@@ -9,7 +9,7 @@ import numpy as np
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import SelfCollision, carrier, relative_reach
-from roadmap.geometry.solids import Solid
+from roadmap.geometry.solids import Solid, hull_corners
 from roadmap.kinematics.axis_reach import group_reach, joint_span
 from roadmap.kinematics.joint_tree import PARENT
 from roadmap.robot.robot import SPHERE, Robot
@@ -132,9 +132,7 @@ def polytope_around(spheres: np.ndarray) -> np.ndarray:
     points = points.reshape(-1, 3)
     if len(points) <= 4 * len(_round(2)):
         return points
-    from scipy.spatial import ConvexHull
-
-    return points[ConvexHull(points).vertices]
+    return hull_corners(points)
 
 
 @lru_cache(maxsize=2)

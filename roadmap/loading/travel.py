@@ -18,7 +18,7 @@ import numpy as np
 
 from roadmap.errors import BadRobot
 from roadmap.geometry.polytope import polytope, shell
-from roadmap.geometry.solids import Solid
+from roadmap.geometry.solids import Solid, hull_corners
 from roadmap.loading.body_tree import BodyTree, drive
 from roadmap.loading.finger_chain import Carried, has_limits
 from roadmap.robot.description import MOVABLE, Description, Link
@@ -145,13 +145,7 @@ def _hulls(carried: Carried, corners: np.ndarray) -> list[np.ndarray]:
         values = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
         T = carried.poses(values)
         points = np.einsum("nij,mj->nmi", T[:, :3, :3], corners) + T[:, None, :3, 3]
-        points = _extreme(points.reshape(-1, 3))
+        points = hull_corners(points.reshape(-1, 3))
         grown = points[:, None] + sag * _OCTAHEDRON
-        found.append(_few(_extreme(grown.reshape(-1, 3))))
+        found.append(_few(hull_corners(grown.reshape(-1, 3))))
     return found
-
-
-def _extreme(points: np.ndarray) -> np.ndarray:
-    from scipy.spatial import ConvexHull
-
-    return points[ConvexHull(points).vertices]

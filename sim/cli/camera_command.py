@@ -262,11 +262,11 @@ def _configuration(cell_map: "CellMap", q: str | None) -> "np.ndarray":
 def _show(file: Path, facts: dict) -> None:
     from rich.console import Console
 
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     console, image = Console(), facts["image"]
     rows = ((name, str(n)) for name, n in facts["cells"].items())
-    print_table(console, str(file), ("cells", "number"), rows)
+    console.print(table_of(str(file), ("cells", "number"), rows))
     low, middle, high = facts["depth_m"]
     pixels = image["width"] * image["height"]
     radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]

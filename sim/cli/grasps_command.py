@@ -4,22 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from sim.run.folders import GRASPS, check_grasp_folder
 from sim.terminal.checks import FOLDER, MOST_SEED, PICTURE, Limits
 from sim.terminal.flags import Json, Threads, argument, flag, from_request
-from sim.terminal.output import bytes_text, guarded, report
+from sim.terminal.output import bytes_text, report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from handover import GraspSet
-
-app = typer.Typer(
-    help="How objects are grasped: sets of grasps by hand and object.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
 
 
 @dataclass(frozen=True)
@@ -56,8 +48,6 @@ class GraspsRequest:
     json: Json = None
 
 
-@app.command("build")
-@guarded
 @from_request(GraspsRequest)
 def grasps_build(request: GraspsRequest) -> None:
     """Make the grasps of an object by a hand: palms above its surface, fingers closed.
@@ -88,8 +78,6 @@ class GraspsInfoRequest:
     json: Json = None
 
 
-@app.command("info")
-@guarded
 @from_request(GraspsInfoRequest)
 def grasps_info(request: GraspsInfoRequest) -> None:
     """Tell what a grasp set holds, after comparing every byte with its SHA-256."""

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.cli.workspace_command import app
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
-from sim.terminal.output import guarded, report
+from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -35,8 +34,6 @@ class HandRequest:
     json: Json = None
 
 
-@app.command("human")
-@guarded
 @from_request(HandRequest)
 def human_reach(request: HandRequest) -> None:
     """Show dexterity and effort over the places of a hand, in two planes.
@@ -100,7 +97,7 @@ def _arm_facts(request: HandRequest, cuts: list["Cut"]) -> dict:
 def _show_arm(facts: dict) -> None:
     from rich.console import Console
 
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     title = f"The {facts['side']} hand of a person of {facts['height_m']:.2f} m, "
     heads = ("plane", "reached", "most dextrous", "easiest", "best of both")
@@ -111,7 +108,7 @@ def _show_arm(facts: dict) -> None:
         told = (f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best)
         rows.append((at, area, *told))
     console = Console(highlight=False)
-    print_table(console, title + facts["posture"], heads, rows)
+    console.print(table_of(title + facts["posture"], heads, rows))
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)
 

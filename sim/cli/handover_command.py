@@ -9,21 +9,10 @@ import typer
 from sim.run.folders import GRASPS
 from sim.terminal.checks import FILM, MOST_SEED, PICTURE, Limits, Writes
 from sim.terminal.flags import Json, argument, flag, from_request
-from sim.terminal.output import Bars, bytes_text, guarded, report
+from sim.terminal.output import Bars, bytes_text, report
 
 if TYPE_CHECKING:
     from handover.plans.planner import HandoverPlan
-
-app = typer.Typer(
-    help="Hand-overs: which arm, grasps and pose, and proved motions of both agents.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-
-
-@app.callback()
-def _group() -> None:
-    """Keep `plan` a command of its own."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +43,6 @@ class PlanRequest:
     json: Json = None
 
 
-@app.command("plan")
-@guarded
 @from_request(PlanRequest)
 def plan(request: PlanRequest) -> None:
     """Plan a hand-over: arm, grasps, pose, and the motions of giver and receiver.

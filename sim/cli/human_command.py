@@ -4,25 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from sim.people.grips import grip_points
 from sim.terminal.checks import HEIGHT, PICTURE, Limits
 from sim.terminal.flags import Json, Posture, flag, from_request
-from sim.terminal.output import guarded, report
+from sim.terminal.output import report
 
 if TYPE_CHECKING:
     from handover import Human
-
-app = typer.Typer(
-    help="The model of the person: proportions, joint ranges, reach.",
-    no_args_is_help=True,
-)
-
-
-@app.callback()
-def _group() -> None:
-    """Commands of `odm human`."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +35,6 @@ class HumanRequest:
     json: Json = None
 
 
-@app.command("info")
-@guarded
 @from_request(HumanRequest)
 def human_info(request: HumanRequest) -> None:
     """Tell what the model of a person is: segments, joint ranges, reach of the arms."""
@@ -157,7 +143,7 @@ def _segments(human: "Human") -> list[dict]:
 def _show(facts: dict) -> None:
     from rich.console import Console
 
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     console = Console(highlight=False)
     reach = facts["reach"]
@@ -173,11 +159,11 @@ def _show(facts: dict) -> None:
         mass = "" if row["mass_kg"] is None else f"{row['mass_kg']:.2f}"
         radius = "" if row["radius_m"] is None else f"{row['radius_m']:.3f}"
         rows.append((row["segment"], length, share, mass, radius))
-    print_table(console, "Segments", heads, rows, title_style="bold")
+    console.print(table_of("Segments", heads, rows))
     heads = ("joint", "lower \\[deg]", "upper \\[deg]", "in this posture")
     names = ("lower_deg", "upper_deg", "now_deg")
     rows = [(r["joint"], *(f"{r[n]:.0f}" for n in names)) for r in facts["joints"]]
-    print_table(console, "Joints of an arm", heads, rows, title_style="bold")
+    console.print(table_of("Joints of an arm", heads, rows))
     console.print(
         f"[bold]Reach[/] of the grip from the shoulder: {reach['arm_length_m']:.3f} m "
         f"(to the finger tips {reach['to_finger_tips_m']:.3f}); "

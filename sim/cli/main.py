@@ -5,6 +5,7 @@ Commands import what they need when they run, so that `odm --help` answers at on
 
 import inspect
 import sys
+from collections.abc import Callable
 from functools import cache
 
 import typer
@@ -15,6 +16,7 @@ from sim.cli import (
     camera_command,
     doctor_command,
     grasps_command,
+    hand_command,
     handover_command,
     human_command,
     map_command,
@@ -23,6 +25,7 @@ from sim.cli import (
     run_command,
     two_command,
     view,
+    workspace_command,
 )
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded, no_room
@@ -58,7 +61,8 @@ def odm(
     """Reactive motion planning beside a moving human, with precomputed maps."""
 
 
-COMMANDS = {
+# by name; those of a group with the help of the group
+COMMANDS: dict[str, Callable | tuple[str, dict[str, Callable]]] = {
     "build": build_command.build,
     "info": map_command.info,
     "audit": map_command.audit,
@@ -71,13 +75,42 @@ COMMANDS = {
     "bench": bench_command.bench,
     "warmup": build_command.warmup,
     "doctor": doctor_command.doctor,
+    "human": (
+        "The model of the person: proportions, joint ranges, reach.",
+        {"info": human_command.human_info},
+    ),
+    "workspace": (
+        "Where robot and person reach: maps of 6-D reachability.",
+        {
+            "build": workspace_command.build_reach,
+            "info": workspace_command.reach_info,
+            "human": hand_command.human_reach,
+            "meet": meet_command.meet_command,
+        },
+    ),
+    "grasps": (
+        "How objects are grasped: sets of grasps by hand and object.",
+        {"build": grasps_command.grasps_build, "info": grasps_command.grasps_info},
+    ),
+    "handover": (
+        "Hand-overs: which arm, grasps and pose, and proved motions of both agents.",
+        {"plan": handover_command.plan},
+    ),
 }
-for name, command in COMMANDS.items():
-    app.command(name)(guarded(command))
-app.add_typer(human_command.app, name="human")
-app.add_typer(meet_command.app, name="workspace")
-app.add_typer(grasps_command.app, name="grasps")
-app.add_typer(handover_command.app, name="handover")
+
+
+def _add_commands(group: typer.Typer, commands: dict) -> None:
+    for name, command in commands.items():
+        if callable(command):
+            group.command(name)(guarded(command))
+            continue
+        text, inner = command
+        made = typer.Typer(help=text, no_args_is_help=True)
+        _add_commands(made, inner)
+        group.add_typer(made, name=name)
+
+
+_add_commands(app, COMMANDS)
 
 
 @cache

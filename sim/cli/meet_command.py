@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.cli.hand_command import app, place_text
+from sim.cli.hand_command import place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
 from sim.terminal.flags import Json, Posture, Side, flag, from_request
-from sim.terminal.output import guarded, report
+from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -86,8 +86,6 @@ class MeetRequest:
     json: Json = None
 
 
-@app.command("meet")
-@guarded
 @from_request(MeetRequest)
 def meet_command(request: MeetRequest) -> None:
     """Tell where a robot can hand an object to a person, best targets first.

@@ -151,7 +151,7 @@ def show(figures: dict, maps: tuple) -> None:
     from rich.console import Console
 
     from sim.run.report import setting_line
-    from sim.tables.fitted import print_table
+    from sim.tables.fitted import table_of
 
     second = "second" if figures["other"] == "planned" else "second, scripted"
     near = figures["separation_m"]
@@ -173,7 +173,7 @@ def show(figures: dict, maps: tuple) -> None:
     ]
     console = Console()
     title = "Two robots, by the exact audit of every frame"
-    print_table(console, title, ("", "first", second), rows)
+    console.print(table_of(title, ("", "first", second), rows))
     for k, reasons in enumerate(figures["hold_reasons"]):
         for reason, frames in reasons:
             seconds = frames / figures["rate_hz"]

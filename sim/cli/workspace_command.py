@@ -25,17 +25,12 @@ from sim.terminal.flags import (
     from_request,
     refuse_beside,
 )
-from sim.terminal.output import bytes_text, guarded, report
+from sim.terminal.output import bytes_text, report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from handover import Chain, ReachMap
 
-app = typer.Typer(
-    help="Where robot and person reach: maps of 6-D reachability.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
 Poses = Annotated[
     int,
     typer.Option(
@@ -101,8 +96,6 @@ class ReachRequest:
     json: Json = None
 
 
-@app.command("build")
-@guarded
 @from_request(ReachRequest)
 def build_reach(request: ReachRequest) -> None:
     """Mark all 6-D cells a robot reaches, each with its dexterity and a witness.
@@ -142,8 +135,6 @@ class ReachInfoRequest:
     json: Json = None
 
 
-@app.command("info")
-@guarded
 @from_request(ReachInfoRequest)
 def reach_info(request: ReachInfoRequest) -> None:
     """Tell what a reach map holds, after comparing every byte with its SHA-256.

@@ -7,7 +7,7 @@ import numpy as np
 from handover.targets.live_targets import BLOCKED, NOBODY
 from sim.loop.run_result import RunResult, percentiles
 from sim.run.meet_loop import MeetLoop
-from sim.tables.fitted import Fitted
+from sim.tables.fitted import table_of
 
 
 def target_figures(loop: MeetLoop, result: RunResult) -> dict:
@@ -44,41 +44,38 @@ def print_targets(told: dict) -> None:
     """Print what became of the targets."""
     margin = told["margin"]
     from rich.console import Console
-    from rich.table import Table as Rows
 
-    rows = Rows(title="Targets of the interaction workspace", title_justify="left")
-    rows.title_style = "bold"
-    rows.add_column("what")
-    rows.add_column("measured", justify="right")
+    rows: list[tuple[str, str]] = []
     for state, share in told["share_of_time"].items():
-        rows.add_row(f"time: {state}", _percent(share))
+        rows.append((f"time: {state}", _percent(share)))
         if state == BLOCKED:
             close = _percent(told["blocked_within_clearance"])
-            rows.add_row("  of it, with the person within the clearance", close)
+            rows.append(("  of it, with the person within the clearance", close))
     if told["missing_m"]:
         near = f"{100 * told['missing_m']:.0f} cm"
-        rows.add_row("  of no target: the person would have to come nearer by", near)
+        rows.append(("  of no target: the person would have to come nearer by", near))
     audit = told["audit"]
     if audit["judged"]:
-        rows.add_row("frames audited", str(audit["judged"]))
-        rows.add_row("  no target can be reached", str(audit["out_of_reach"]))
-        rows.add_row("  of the others, at or on the way to", "")
-        rows.add_row("    the top-ranked reachable target", _percent(audit["top"]))
+        rows.append(("frames audited", str(audit["judged"])))
+        rows.append(("  no target can be reached", str(audit["out_of_reach"])))
+        rows.append(("  of the others, at or on the way to", ""))
+        rows.append(("    the top-ranked reachable target", _percent(audit["top"])))
         near = _percent(audit["within_margin"])
-        rows.add_row(f"    it or one within {margin:g} of its quality", near)
-        rows.add_row("    a worse one", _percent(audit["worse"]))
-        rows.add_row("    none", _percent(audit["none"]))
-    rows.add_row("target changes per minute", f"{told['target_changes_per_minute']:g}")
-    rows.add_row("goals set per minute", f"{told['set_goals_per_minute']:g}")
-    rows.add_row("arrivals at a target", str(told["arrivals"]))
+        rows.append((f"    it or one within {margin:g} of its quality", near))
+        rows.append(("    a worse one", _percent(audit["worse"])))
+        rows.append(("    none", _percent(audit["none"])))
+    rows.append(("target changes per minute", f"{told['target_changes_per_minute']:g}"))
+    rows.append(("goals set per minute", f"{told['set_goals_per_minute']:g}"))
+    rows.append(("arrivals at a target", str(told["arrivals"])))
     if told["dwell_s"] is not None:
         name = f"  stayed for {told['dwell_s']:g} s, and went back"
-        rows.add_row(name, str(told["handovers"]))
+        rows.append((name, str(told["handovers"])))
     for name in ("wall", "cpu"):
         ms = {k: 1e3 * v for k, v in told[f"loop_{name}_s"].items()}
         values = " / ".join(f"{ms[k]:.2f}" for k in ("p50", "p99", "max"))
-        rows.add_row(f"loop with targets, {name}: p50 / p99 / max", f"{values} ms")
-    Console().print(Fitted(rows))
+        rows.append((f"loop with targets, {name}: p50 / p99 / max", f"{values} ms"))
+    title = "Targets of the interaction workspace"
+    Console().print(table_of(title, ("what", "measured"), rows))
 
 
 def _percent(share: float) -> str:

@@ -3,15 +3,15 @@
 import platform
 
 from rich.console import Console, Group
-from rich.table import Table
-from rich.text import Text
+from rich.markup import escape
 
 from sim.loop.run_result import RunResult, percentiles
-from sim.tables.fitted import Fitted
+from sim.tables.fitted import Fitted, table_of
 from sim.tables.header import processor
 from sim.tables.versions import version
 
 PACKAGES = ("numpy", "numba", "python-fcl", "pybullet")
+_PLAIN = {"box": None, "padding": (0, 2, 0, 0), "pad_edge": False}
 
 
 def print_report(
@@ -21,40 +21,35 @@ def print_report(
     console: Console | None = None,
 ) -> None:
     """Print all tables; `alone` is a run without a person, to compare trips."""
-    shown: list = [Fitted(safety_table(result, alone))]
+    shown: list = [safety_table(result, alone)]
     if result.holds:
-        shown.append(Fitted(hold_table(result)))
+        shown.append(hold_table(result))
     if result.frames and result.separation[0] <= 0:
         shown.append(begun_inside(result))
-    shown.append(Fitted(latency_table(result)))
+    shown.append(latency_table(result))
     spaced = [part for each in shown for part in (each, "")]
     (console or Console()).print(Group(*spaced, setting_line(map_hash)))
 
 
-def safety_table(result: RunResult, alone: RunResult | None) -> Table:
+def safety_table(result: RunResult, alone: RunResult | None) -> Fitted:
     """Return contacts, separation, trips and path changes."""
-    table = _table("Safety, by the exact audit of every frame")
-    table.add_column("")
-    table.add_column(result.motion, justify="right")
-    columns = [_safety_column(result, alone)]
+    columns = {result.motion: _safety_column(result, alone)}
     if alone is not None:
-        table.add_column("nobody", justify="right")
-        columns.append(_safety_column(alone, None))
-    for head in columns[0]:
-        table.add_row(head, *(column[head] for column in columns))
-    return table
+        columns["nobody"] = _safety_column(alone, None)
+    names = columns[result.motion]
+    rows = [(name, *(column[name] for column in columns.values())) for name in names]
+    title = "Safety, by the exact audit of every frame"
+    return table_of(title, ("", *map(escape, columns)), rows, **_PLAIN)
 
 
-def hold_table(result: RunResult) -> Table:
+def hold_table(result: RunResult) -> Fitted:
     """Return the reasons of the longest holds."""
-    table = _table("Why the robot held")
-    table.add_column("motion")
-    table.add_column("times", justify="right")
-    table.add_column("seconds", justify="right")
-    table.add_column("reason, the first of its kind")
-    for reason, count, seconds in result.hold_reasons():
-        table.add_row(result.motion, str(count), f"{seconds:.1f}", reason)
-    return table
+    heads = ("motion", "times", "seconds", "reason, the first of its kind")
+    rows = [
+        (escape(result.motion), str(count), f"{seconds:.1f}", escape(reason))
+        for reason, count, seconds in result.hold_reasons()
+    ]
+    return table_of("Why the robot held", heads, rows, left=(0, 3), **_PLAIN)
 
 
 def begun_inside(result: RunResult) -> str:
@@ -66,13 +61,11 @@ def begun_inside(result: RunResult) -> str:
     )
 
 
-def latency_table(result: RunResult) -> Table:
+def latency_table(result: RunResult) -> Fitted:
     """Return p50, p99 and max of every stage, and the missed deadlines."""
     period = 1.0 / result.rate_hz
-    table = _table(f"Latency of {result.frames} frames, motion {result.motion}")
-    table.add_column("stage")
-    for head in ("p50 [µs]", "p99 [µs]", "max [µs]", f"over {1000 * period:.0f} ms"):
-        table.add_column(Text(head), justify="right", no_wrap=True)
+    heads = ("stage", *(f"{share} \\[µs]" for share in ("p50", "p99", "max")))
+    rows = []
     whole = {
         "step, wall clock": result.wall_s,
         "step, CPU": result.cpu_s,
@@ -81,8 +74,9 @@ def latency_table(result: RunResult) -> Table:
     for name, seconds in {**result.stages, **whole}.items():
         shown = percentiles(1e6 * seconds)
         cells = [f"{shown[key]:,.1f}" for key in ("p50", "p99", "max")]
-        table.add_row(name, *cells, str(int((seconds > period).sum())))
-    return table
+        rows.append((name, *cells, str(int((seconds > period).sum()))))
+    title = f"Latency of {result.frames} frames, motion {result.motion}"
+    return table_of(title, (*heads, f"over {1000 * period:.0f} ms"), rows, **_PLAIN)
 
 
 def setting_line(map_hash: str = "") -> str:
@@ -142,9 +136,3 @@ def _cm(result: RunResult, frame: int | None) -> str:
 
 def _speed(result: RunResult, frame: int | None) -> str:
     return "-" if frame is None else f"{result.point_speed[frame]:.2f} m/s"
-
-
-def _table(title: str) -> Table:
-    table = Table(title=Text(title), title_justify="left", title_style="bold")
-    table.box, table.padding, table.pad_edge = None, (0, 2, 0, 0), False
-    return table

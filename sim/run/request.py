@@ -216,10 +216,6 @@ class RunRequest:
             return goes_with(self, _MEET_ONLY, "--targets meet")
         if told := goes_with(self, ("carry",), "--targets places", "leave it out"):
             return told
-        if self.motion == "mocap":
-            what = "a scripted person, --motion mocap walks as recorded"
-            if told := goes_with(self, ("distance",), what, "leave it out"):
-                return told
         check_object(self.obj)
         if self.hand not in (None, "left", "right"):
             return f"--side is {self.hand!r}: choose left or right"

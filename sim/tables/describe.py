@@ -8,11 +8,10 @@ from odm import CellMap
 from odm.audit.clearance import clearance_overhead
 from roadmap.chunks import Progress
 from roadmap.geometry.spheres import cover_report
+from sim.tables.fitted import Fitted, table_of
 from sim.terminal.output import bytes_text, counted
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from odm.audit.audit import AuditReport
     from odm.audit.sequence_audit import SequenceReport
 
@@ -137,8 +136,6 @@ def show(facts: dict) -> None:
     """Print what `facts` returned."""
     from rich.console import Console
 
-    from sim.tables.fitted import Fitted
-
     console = Console(highlight=False)
     robot, roadmap, size = facts["robot"], facts["roadmap"], facts["bytes"]
     console.print(
@@ -155,16 +152,16 @@ def show(facts: dict) -> None:
     grid = " x ".join(map(str, facts["cells"]["grid"]))
     low, high = facts["cells"]["lower_corner"], facts["cells"]["upper_corner"]
     console.print(f"grid of {grid} cells from {low} to {high} m")
-    console.print(Fitted(_safety_table(facts["safety"])))
+    console.print(_safety_table(facts["safety"]))
     if facts["clearance_overhead"] is None:
         what = (
             "[bold]Clearance overhead[/]: not measured; --overhead takes a quick look"
         )
         console.print(what)
     else:
-        console.print(Fitted(_overhead_table(facts["clearance_overhead"])))
-    console.print(Fitted(_joint_table(robot)))
-    console.print(Fitted(_cover_table(facts["cover"])))
+        console.print(_overhead_table(facts["clearance_overhead"]))
+    console.print(_joint_table(robot))
+    console.print(_cover_table(facts["cover"]))
     _show_lists(console, facts)
 
 
@@ -232,7 +229,7 @@ def folded(notes: list[str]) -> list[str]:
     ]
 
 
-def _safety_table(safety: dict[str, float]) -> "Table":
+def _safety_table(safety: dict[str, float]) -> Fitted:
     means = {
         "h": "side of a cell",
         "rho": "largest covering radius of an obstacle's samples",
@@ -243,13 +240,11 @@ def _safety_table(safety: dict[str, float]) -> "Table":
         "user": "  the user's own",
         "mu": "motion bound: a piece is inflated by at most mu / 2",
     }
-    table = _table("Safety terms", "term", "meaning", "mm")
-    for key, meaning in means.items():
-        table.add_row(key, meaning, f"{1000 * safety[key]:.1f}")
-    return table
+    rows = ((key, told, f"{1000 * safety[key]:.1f}") for key, told in means.items())
+    return table_of("Safety terms", ("term", "meaning", "mm"), rows, left=(0, 1))
 
 
-def _overhead_table(overhead: dict) -> "Table":
+def _overhead_table(overhead: dict) -> Fitted:
     means = {
         "cover": "spheres stick out of the solids",
         "rho": "a sample stands for the surface around it",
@@ -265,57 +260,59 @@ def _overhead_table(overhead: dict) -> "Table":
         f"to nodes and {overhead['edge_lines']} to edges (odm bench overhead: from "
         "thousands)"
     )
-    table = _table(title, "term", "meaning", "mean \\[cm]", "95 % \\[cm]")
+    rows = []
     for key, meaning in means.items():
         values = (overhead[key]["mean"], overhead[key]["p95"])
         cells = ("-" if v is None else f"{100 * v:.1f}" for v in values)
-        table.add_row(key, meaning, *cells)
-    return table
+        rows.append((key, meaning, *cells))
+    heads = ("term", "meaning", "mean \\[cm]", "95 % \\[cm]")
+    return table_of(title, heads, rows, left=(0, 1))
 
 
 _JOINTS = "Joints: rad or m, and per s, s², s³"
 
 
-def _joint_table(robot: dict) -> "Table":
+def _joint_table(robot: dict) -> Fitted:
     kinds = ["continuous" if endless else "" for endless in robot["continuous"]]
     heads = ("lower", "upper", "velocity", "accel.", "jerk")
-    table = _table(_JOINTS, "joint", "kind" if any(kinds) else None, *heads)
     names = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
-    for k, joint in enumerate(robot["joints"]):
-        kind = [kinds[k]] if any(kinds) else []
-        table.add_row(joint, *kind, *(f"{robot[name][k]:.4g}" for name in names))
-    return table
+    rows = [
+        (joint, kinds[k], *(f"{robot[name][k]:.4g}" for name in names))
+        for k, joint in enumerate(robot["joints"])
+    ]
+    if not any(kinds):
+        rows = [(joint, *numbers) for joint, _, *numbers in rows]
+        return table_of(_JOINTS, ("joint", *heads), rows)
+    return table_of(_JOINTS, ("joint", "kind", *heads), rows, left=(0, 1))
 
 
-def _cover_table(cover: list[dict]) -> "Table":
+def _cover_table(cover: list[dict]) -> Fitted:
     more = max(0, len(cover) - MOST_LINKS)
     rest = f"; {more} more links: --json" if more else ""
     title = f"Sphere cover, worst links first{rest}"
-    numbers = ("spheres", "sticks out \\[mm]", "on average \\[mm]")
-    table = _table(title, "link", "moves", *numbers)
+    heads = ("link", "moves", "spheres", "sticks out \\[mm]", "on average \\[mm]")
+    rows = []
     for row in sorted(cover, key=lambda row: -row["excess"])[:MOST_LINKS]:
         cells = f"{1000 * row['excess']:.1f}", f"{1000 * row['protrusion']:.1f}"
         kind = "yes" if row["moving"] else "no"
-        table.add_row(row["link"], kind, str(row["spheres"]), *cells)
-    return table
+        rows.append((row["link"], kind, str(row["spheres"]), *cells))
+    return table_of(title, heads, rows, left=(0, 1))
 
 
 def show_audit(report: "AuditReport", map_hash: str) -> None:
     """Print the verdict, the families of obstacles and the nearest cases."""
     from rich.console import Console
 
-    from sim.tables.fitted import Fitted
-
     console = Console(highlight=False)
     console.print(str(report), soft_wrap=True)
     if report.free_share < 0.2:
         console.print("less than 20 % was called free: too little to show anything")
-    head = ("obstacle", None, "pairs", "free", "violations", "smallest \\[mm]")
-    table = _table("By kind of obstacle", *head)
+    rows = []
     for name, (pairs, free, bad, smallest) in report.families.items():
         nearest = f"{1000 * smallest:.2f}" if np.isfinite(smallest) else "-"
-        table.add_row(name, f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest)
-    console.print(Fitted(table))
+        rows.append((name, f"{pairs:,}", f"{free:,}", f"{bad:,}", nearest))
+    heads = ("obstacle", "pairs", "free", "violations", "smallest \\[mm]")
+    console.print(table_of("By kind of obstacle", heads, rows))
     console.print("nearest pairs that were called free:")
     for case in report.worst:
         console.print(f"  {case}", soft_wrap=True)
@@ -329,15 +326,12 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     """Print the verdict of an audit by sequences, its counts and its faults."""
     from rich.console import Console
 
-    from sim.tables.fitted import Fitted
-
     console = Console(highlight=False)
     console.print(str(report), soft_wrap=True)
     if report.complete and report.answered_share < 0.5:
         console.print("less than half was answered with a path: too little to show")
     smallest = f"{1000 * report.smallest:.2f} mm" if report.exact else "-"
-    table = _table("What was judged", "count of", "")
-    for name, number in (
+    rows = (
         ("steps", f"{report.steps:,}"),
         ("answered with a path", f"{report.answered:,}"),
         ("legs judged by a fresh planner", f"{report.legs:,}"),
@@ -346,24 +340,11 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
         ("false answers", f"{report.wrong:,}"),
         ("legs refused as a whole, but at no place", f"{report.unproved:,}"),
         ("smallest exact distance beyond what is kept", smallest),
-    ):
-        table.add_row(name, number)
-    console.print(Fitted(table))
+    )
+    console.print(table_of("What was judged", ("count of", ""), rows, left=(0, 1)))
     for seed, step, fault in report.first_faults:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
     sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
     console.print(
         f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
     )
-
-
-def _table(title: str, first: str, second: str | None, *numbers: str) -> "Table":
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", title_style="bold")
-    table.add_column(first, no_wrap=True)
-    if second is not None:
-        table.add_column(second)
-    for head in numbers:
-        table.add_column(head, justify="right")
-    return table

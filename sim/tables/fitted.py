@@ -1,6 +1,6 @@
 """A table where the terminal has room for it; else each row as lines of its own."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -36,20 +36,24 @@ class Fitted:
         return {word for cell in (*heads, *cells) for word in _text(cell).plain.split()}
 
 
-def print_table(
-    console: Console,
+def table_of(
     title: str,
     heads: Sequence[str],
     rows: Iterable[Sequence[str]],
+    left: Collection[int] = (0,),
     **look: Any,
-) -> None:
-    """Print rows, the first column to the left and all others to the right."""
-    table = Table(title=title, title_justify="left", **look)
+) -> Fitted:
+    """Return rows as a table, columns `left` to the left, others to the right.
+
+    The title is text, heads and cells are markup; `look` goes to `rich.table.Table`.
+    """
+    look = {"title_style": "bold"} | look
+    table = Table(title=Text(title), title_justify="left", **look)
     for k, head in enumerate(heads):
-        table.add_column(head, justify="right" if k else "left")
+        table.add_column(head, justify="left" if k in left else "right", no_wrap=not k)
     for row in rows:
         table.add_row(*row)
-    console.print(Fitted(table))
+    return Fitted(table)
 
 
 def _rows(table: Table) -> Iterator[RenderableType]:

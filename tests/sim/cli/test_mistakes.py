@@ -21,7 +21,6 @@ RUN, BUILD = ("run", "--map", "map"), ("build", "--robot", "arm.urdf", "--tip", 
 MEET = ("workspace", "meet", "--robot", "panda")
 GRASPS = ("grasps", "build", "--object", "cup", "--hand", "panda")
 MOCAP = ("demo", "handover", "--map", "map", "--human", "mocap")
-CLIP = ("--motion", "mocap", "--file", "clip.csv")
 CAMERA, HUMAN = ("camera", "d.png", "--map", "map"), ("workspace", "build", "human")
 FRAMES = ("replay", "--map", "map", "--frames")
 
@@ -144,7 +143,6 @@ FLAGS = [  # units, numbers, words and choices, told without loading anything
     # flags that would have no effect there
     (RUN + ("--base-height", "1"), "--base-height", "--motion mocap"),
     (RUN + ("--targets", "meet", "--carry", "0.1"), "--carry", "--targets places"),
-    (RUN + (*CLIP, "--targets", "meet", "--between", "1", "2"), "--between", "leave"),
     (("audit", "map", "--sequences", "5", "--pairs", "9"), "--pairs", "--sequences"),
     (("audit", "map", "--sabotage", "certificate", "--close"), "--close", "by pairs"),
     (("audit", "map", "--sabotage", "certificate", "--payload"), "--payload", "pairs"),
