@@ -672,7 +672,9 @@ class ReactivePlanner:
     def load_memory(self, saved: Mapping[str, np.ndarray]) -> None:
         """Go on as the planner whose memory was saved; see `save_memory`.
 
-        The last frame is that planner's, too, so questions can be asked at once.
+        The last frame is that planner's, too, so questions can be asked at once; one
+        with shapes no more where `set_base` or `set_extra_clearance` comes before the
+        next frame: then they are answered with no.
 
         Args:
             saved: What `save_memory` returned, or what `numpy.load` made of it.
@@ -810,7 +812,6 @@ class ReactivePlanner:
             if self._approacher is not None:
                 self._approacher.legs.forget_fine()
             self.carrier.set_extra(self.extra)
-            self.frame.mark()  # points just outside the grid may count now
             self.scene.lay_out()
 
     def set_base(self, T_world_base: np.ndarray) -> None:
