@@ -936,18 +936,24 @@ class ReactivePlanner:
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending.
 
-        Those near its surfaces, by their cells: a node wholly inside of a shape is not
-        among them where its surface is far, but every motion that leads there is.
+        By cells alone, those near its surfaces: a node wholly inside of a shape is not
+        among them where its surface is far, but every motion that leads there is. All
+        of them after a frame that could not be used, and while something is held of
+        which no cells know: without a payload layer.
         """
-        if self.trouble is not None:
+        if self._cells_know_little:
             return np.arange(self.direct.n_nodes)
         return self.direct.nodes().copy()
 
     def invalid_edges(self) -> np.ndarray:
-        """Return the ids of the edges that the frame invalidates, ascending."""
-        if self.trouble is not None:
+        """Return the ids of the edges that it invalidates, as `invalid_nodes` does."""
+        if self._cells_know_little:
             return np.arange(self.direct.n_edges)
         return self.direct.edges().copy()
+
+    @property
+    def _cells_know_little(self) -> bool:
+        return self.trouble is not None or self.held_by == CLOSE_TEST
 
     def blocked_leg(
         self,
