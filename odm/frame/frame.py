@@ -69,6 +69,10 @@ class Near(NamedTuple):
 
 
 MOST_SAMPLES = 2_000_000  # of all shapes of a frame
+_LOADED = (  # nor how its meshes are sampled
+    "the memory that was loaded does not say which shapes are near the grid now that "
+    "the base or the clearance is another; show a frame"
+)
 _AS_THE_MAP = None, None  # how points are sampled where nothing is told
 
 
@@ -423,12 +427,12 @@ class Frame:
             exchange(memory, dict(zip(("solids", "patterns"), larger, strict=True)))
             write_meshes(obstacles, *larger)
 
-    def replace(self, points: np.ndarray, n_given: int | None = None) -> None:
+    def replace(self, points: np.ndarray, n_given: int) -> None:
         """Replace the frame's points by (n, 3) others, outside of a step.
 
-        The close test counts the first `n_given` of them; None: as many as before.
+        The close test counts the first `n_given` of them.
         """
-        self.n_given = self.n_given if n_given is None else n_given
+        self.n_given = n_given
         self._buffer_for(len(points))[...] = points
         self.mark()
 
@@ -626,7 +630,7 @@ class Frame:
         self.memory.terms.extra[0] = self.extra
         self.memory.patterns.near[3] = self._half + self.extra
         self.set_sampling(self.sampled)
-        self._sample_again()
+        self._place_again(self.points[: self.n_given].copy())
 
     def hand_changed(self) -> None:
         """Take up the table's new groups: another arm, other cells."""
@@ -647,24 +651,26 @@ class Frame:
         self.base_world = self.world.T_base_world.copy()
         self.memory.patterns.base_world[:] = self.base_world
         move_solids(self.solids, self.base_world @ before)
-        p_world = moved_points(self.points, before)
-        self.replace(self.world.points(p_world))
-        self._sample_again()
+        p_world = moved_points(self.points[: self.n_given], before)
+        self._place_again(self.world.points(p_world))
 
-    def _sample_again(self) -> None:
-        """Sample the frame's shapes where they are; others are near the grid now."""
-        # a memory that was loaded has no samples of its meshes: those it has stay
-        if self.obstacles is None or self.solids.count.item() == 0:
-            return
-        given, room = self.points[: self.n_given].copy(), self._nothing.xyz
-        table, n_given = self.memory.table, self.n_given
-        n = kernels.sample_again(table, room, n_given)
-        if n > MOST_SAMPLES:
-            self.trouble = _too_many(n)
-            return
-        room = self._buffer_for(n)
-        room[:n_given] = given
-        kernels.sample_again(table, room, n_given)
+    def _place_again(self, given: np.ndarray) -> None:
+        """Mark the given points (n, 3) and the frame's shapes where they are now.
+
+        Other shapes are near the grid than before, so they are sampled anew.
+        """
+        table, n = self.memory.table, len(given)
+        n_all = n
+        if self.solids.count.item() and self.obstacles is None:
+            self.trouble = self.trouble or _LOADED
+        elif self.solids.count.item():
+            n_all = kernels.sample_again(table, self._nothing.xyz, n)
+            if n_all > MOST_SAMPLES:
+                self.trouble, n_all = _too_many(n_all), n
+        room = self._buffer_for(n_all)
+        room[:n] = given
+        if n_all > n:
+            kernels.sample_again(table, room, n)
         self.mark()
 
     # --- tests of motions ------------------------------------------------------

@@ -669,7 +669,9 @@ class ReactivePlanner:
     def load_memory(self, saved: Mapping[str, np.ndarray]) -> None:
         """Go on as the planner whose memory was saved; see `save_memory`.
 
-        The last frame is that planner's, too, so questions can be asked at once.
+        The last frame is that planner's, too, so questions can be asked at once; one
+        with shapes no more where `set_base` or `set_extra_clearance` comes before the
+        next frame: then they are answered with no.
 
         Args:
             saved: What `save_memory` returned, or what `numpy.load` made of it.
@@ -807,7 +809,6 @@ class ReactivePlanner:
             if self._approacher is not None:
                 self._approacher.legs.forget_fine()
             self.carrier.set_extra(self.extra)
-            self.frame.mark()  # points just outside the grid may count now
             self.scene.lay_out()
 
     def set_base(self, T_world_base: np.ndarray) -> None:
@@ -932,18 +933,24 @@ class ReactivePlanner:
     def invalid_nodes(self) -> np.ndarray:
         """Return the ids of the nodes that the frame invalidates, ascending.
 
-        Those near its surfaces, by their cells: a node wholly inside of a shape is not
-        among them where its surface is far, but every motion that leads there is.
+        By cells alone, those near its surfaces: a node wholly inside of a shape is not
+        among them where its surface is far, but every motion that leads there is. All
+        of them after a frame that could not be used, and while something is held of
+        which no cells know: without a payload layer.
         """
-        if self.trouble is not None:
+        if self._cells_know_little:
             return np.arange(self.direct.n_nodes)
         return self.direct.nodes().copy()
 
     def invalid_edges(self) -> np.ndarray:
-        """Return the ids of the edges that the frame invalidates, ascending."""
-        if self.trouble is not None:
+        """Return the ids of the edges that it invalidates, as `invalid_nodes` does."""
+        if self._cells_know_little:
             return np.arange(self.direct.n_edges)
         return self.direct.edges().copy()
+
+    @property
+    def _cells_know_little(self) -> bool:
+        return self.trouble is not None or self.held_by == CLOSE_TEST
 
     def blocked_leg(
         self,

@@ -59,6 +59,17 @@ def test_it_is_told_and_ends_with_detach(small_map):
     assert after.held is None and not planner.memory.graph.closed.any()
 
 
+def test_no_item_passes_for_free_while_no_cells_know_what_is_held(small_map, holding):
+    near = tool_pose(small_map.robot, HIGH) @ np.array([0.16, 0.0, 0.1, 1.0])
+    for points in (NOBODY, near[None, :3]):
+        holding.step(points, q=HIGH)
+        assert len(holding.invalid_nodes()) == small_map.roadmap.n_nodes
+        assert len(holding.invalid_edges()) == small_map.roadmap.n_edges
+    holding.detach()
+    holding.step(NOBODY, q=HIGH)
+    assert not len(holding.invalid_nodes()) and not len(holding.invalid_edges())
+
+
 def test_a_mesh_is_held(small_map):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([OVER])

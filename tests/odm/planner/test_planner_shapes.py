@@ -226,3 +226,18 @@ def test_a_frame_of_shapes_allocates_nothing(small_map):
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 4096
+
+
+@pytest.mark.parametrize("n_shapes", [0, 3])
+def test_a_frame_is_marked_once_where_the_base_or_the_clearance_changes(
+    small_map, n_shapes
+):
+    planner = odm.ReactivePlanner(small_map)
+    rows = np.array([[0.5, 0.1 * k, 0.5, 0.05] for k in range(n_shapes)])
+    spheres = rows.reshape(-1, 4)
+    planner.step(odm.Obstacles(spheres=spheres, points=np.zeros((2, 3))), q=HOME)
+    marked = planner.frame.epoch[1]
+    planner.set_base(np.eye(4))
+    assert planner.frame.epoch[1] == marked + 1
+    planner.set_extra_clearance(0.02)
+    assert planner.frame.epoch[1] == marked + 2

@@ -142,6 +142,51 @@ def test_a_frame_that_could_not_be_used_still_answers_no(arm3):
     assert late.status == "holding" and "ms" in late.reason
 
 
+@pytest.mark.parametrize("meshes", [False, True])
+@pytest.mark.parametrize("change", ["base", "clearance"])
+def test_shapes_of_a_loaded_frame_are_not_known_elsewhere(arm3, change, meshes):
+    """Far shapes have no samples, and those of a mesh cannot be made any more."""
+    planner, other = odm.ReactivePlanner(arm3), odm.ReactivePlanner(arm3)
+    far = np.eye(4)
+    far[0, 3] = 5.0
+    shape = odm.Box([0.2, 0.2, 0.2], far)
+    if meshes:
+        shape = odm.Mesh.hull_of(odm.surface_of(shape).points, np.eye(4))
+    obstacles = odm.Obstacles.of([shape], points=np.array([[0.4, 0.0, 0.5]]))
+    planner.step(obstacles, q=HOME)
+    other.load_memory(planner.save_memory())
+    assert other.is_free(HOME, HOME) and other.separation(HOME) > 0.0
+    near = np.eye(4)
+    near[0, 3] = 4.5
+    for one in (planner, other):
+        if change == "base":
+            one.set_base(near)
+        else:
+            one.set_extra_clearance(0.05)
+    assert planner.trouble is None
+    freedom = other.is_free(HOME, HOME)
+    assert not freedom and "loaded" in freedom.reason and not other.stands_clear(HOME)
+    assert other.separation(HOME) == -np.inf
+    assert len(other.invalid_edges()) == other.direct.n_edges and not other.improve()
+    for one in (planner, other):
+        one.step(obstacles, q=HOME)
+    assert other.trouble is None and other.separation(HOME) == planner.separation(HOME)
+    assert np.array_equal(other.invalid_edges(), planner.invalid_edges())
+
+
+def test_points_of_a_loaded_frame_are_known_at_any_base(arm3):
+    planner, other = odm.ReactivePlanner(arm3), odm.ReactivePlanner(arm3)
+    planner.step(ball_at((0.4, 0.0, 0.5)), q=HOME)
+    other.load_memory(planner.save_memory())
+    T = np.eye(4)
+    T[:3, 3] = 0.1
+    for one in (planner, other):
+        one.set_base(T)
+        one.set_extra_clearance(0.02)
+    assert other.separation(HOME) == planner.separation(HOME) > -np.inf
+    assert np.array_equal(other.invalid_edges(), planner.invalid_edges())
+
+
 def test_a_memory_that_does_not_belong_here_is_refused_and_nothing_changes(
     arm3, carrying_map
 ):
