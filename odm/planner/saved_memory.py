@@ -18,6 +18,9 @@ from roadmap.errors import BadInput
 from roadmap.ranges import check_kind
 
 _SETTING, _DIGEST = "setting.", "digest"
+# of how it is laid out: another one where any part saves something else, or in another
+# order
+_VERSION = {"version": b"2"}
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
 _VERDICTS = (
     "search",
@@ -94,7 +97,7 @@ def pack(
         for part, owner in parts.items()
         for name, array in owner.save().items()
     }
-    for name, content in setting.items():
+    for name, content in (_VERSION | setting).items():
         saved[_SETTING + name] = np.array(hashlib.sha256(content).hexdigest())
     return saved | {_DIGEST: np.array(_digest(saved))}
 
@@ -117,8 +120,8 @@ def unpack(
             "this is no memory of a planner, or it is damaged; give what save_memory "
             "returned"
         )
-    for name, content in setting.items():
-        if str(arrays[_SETTING + name]) != hashlib.sha256(content).hexdigest():
+    for name, content in (_VERSION | setting).items():
+        if str(arrays.get(_SETTING + name)) != hashlib.sha256(content).hexdigest():
             raise BadInput(
                 f"the memory was saved with another {name}; load it into a planner "
                 f"that has the same {name}"

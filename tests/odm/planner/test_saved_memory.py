@@ -7,7 +7,7 @@ from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 
 import odm
 from odm._groups import GOAL
-from odm.planner.saved_memory import NOT_SAVED, differences
+from odm.planner.saved_memory import NOT_SAVED, _digest, differences
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 
@@ -261,3 +261,14 @@ def test_frames_are_counted_one_by_one(arm3):
 def test_what_is_no_memory_is_refused(planner, saved):
     with pytest.raises(BadInput, match="give what save_memory returned"):
         planner.load_memory(saved)
+
+
+def test_a_memory_of_another_version_is_refused(arm3):
+    """One whose numbers lie in another order: the first ones told no version."""
+    planner = odm.ReactivePlanner(arm3)
+    before = planner.save_memory()
+    saved = {k: v for k, v in before.items() if k not in ("digest", "setting.version")}
+    saved["digest"] = np.array(_digest(saved))
+    with pytest.raises(BadInput, match="saved with another version"):
+        planner.load_memory(saved)
+    assert differences(before, planner.save_memory()) == []
