@@ -1,7 +1,6 @@
 """The `odm` command from its first line on: Ctrl-C is heard before anything heavy."""
 
 import gc
-import importlib.util
 import os
 import sys
 
@@ -42,21 +41,7 @@ def compute_alike(cpu: str = "/proc/cpuinfo") -> None:
         return
     if "avx2" in flags and "fma" in flags:
         for name, value in ALIKE.items():
-            if name != "NPY_DISABLE_CPU_FEATURES" or not _is_built_for_avx512():
-                os.environ.setdefault(name, value)
-
-
-def _is_built_for_avx512() -> bool:
-    """Return whether this numpy is for AVX-512 alone, and would refuse to be loaded."""
-    spec = importlib.util.find_spec("numpy")
-    if spec is None or spec.origin is None:
-        return False
-    try:
-        with open(os.path.join(os.path.dirname(spec.origin), "__config__.py")) as file:
-            built = file.read().partition('"baseline"')[2].partition("]")[0]
-    except OSError:
-        return False
-    return "AVX512" in built or "X86_V4" in built
+            os.environ.setdefault(name, value)
 
 
 def _mend_streams() -> None:

@@ -1,7 +1,6 @@
 """The command line as a user meets it: exit codes, one sentence, whole files."""
 
 import importlib
-import importlib.machinery
 import inspect
 import io
 import json
@@ -72,26 +71,6 @@ def test_processors_with_avx2_are_told_tocompute_alike(monkeypatch, tmp_path):
         assert ("NPY_DISABLE_CPU_FEATURES" in os.environ) == told
     assert os.environ["OPENBLAS_CORETYPE"] == "Zen"
     entry.compute_alike(str(tmp_path / "none"))  # no Linux
-
-
-@pytest.mark.parametrize(
-    ("built", "told"), [('"baseline": ["X86_V2"]', True), ('"baseline": ["X86_V4"]', 0)]
-)
-def test_a_numpy_for_avx512_alone_is_loaded_as_it_is(
-    monkeypatch, tmp_path, built, told
-):
-    name = "NPY_DISABLE_CPU_FEATURES"
-    monkeypatch.delenv(name, raising=False)
-    (tmp_path / "numpy").mkdir()
-    (tmp_path / "numpy" / "__init__.py").touch()
-    (tmp_path / "numpy" / "__config__.py").write_text(
-        f"{{{built}, 'found': ['X86_V4']}}"
-    )
-    (tmp_path / "cpuinfo").write_text("flags : avx2 fma avx512f\n")
-    spec = importlib.machinery.PathFinder.find_spec("numpy", [str(tmp_path)])
-    monkeypatch.setattr(entry.importlib.util, "find_spec", lambda name: spec)
-    entry.compute_alike(str(tmp_path / "cpuinfo"))
-    assert (name in os.environ) == bool(told)
 
 
 ALONE = """
