@@ -19,6 +19,7 @@ from odm.cameras.view import lift
 from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
@@ -85,6 +86,8 @@ class SeenSpace:
         self.cell_map, self.robot = cell_map, cell_map.robot
         one = isinstance(cameras, DepthCamera)
         self.cameras = (cameras,) if one else tuple(cameras)
+        if settings is not None:
+            check_kind("settings", settings, SeenSettings, "give odm.SeenSettings(...)")
         self.settings = settings or SeenSettings()
         self.covering_radius = layout.covering_radius(cell_map)
         self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)

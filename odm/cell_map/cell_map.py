@@ -16,6 +16,7 @@ from odm.obstacles.scenery import Scenery
 from roadmap.arrays import freeze
 from roadmap.errors import BadInput, BadMap
 from roadmap.graph.roadmap import Roadmap
+from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
 from roadmap.store import made_of, read_folder, write_folder
 
@@ -162,6 +163,8 @@ def load_map(
     Raises:
         BadMap: Not a map, truncated, altered, of another version or robot.
     """
+    if robot is not None:
+        check_kind("robot", robot, Robot, "give what roadmap.load_robot returns")
     manifest, arrays = read_folder(path, verify)
     if manifest.get("kind") != "cell map":
         raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")

@@ -16,6 +16,7 @@ first leg in full.
 """
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -33,7 +34,7 @@ from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
-from roadmap.ranges import check_number
+from roadmap.ranges import check_kind, check_number
 from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
@@ -81,6 +82,9 @@ class Executor:
     ) -> None:
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
+        if settings is not None:
+            remedy = "give odm.execution.ExecutionSettings(...)"
+            check_kind("settings", settings, ExecutionSettings, remedy)
         s = self.settings = settings or ExecutionSettings()
         self.pace, self._lower, self._last_level = pace, s.lower, s.levels - 1
         self.scales = s.speed_scale * s.lower ** np.arange(s.levels)
@@ -190,6 +194,7 @@ class Executor:
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
+        check_number("the share of the speed", share, 0.0, sys.float_info.max)
         within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
         self._least_level = within[0] if within else self._last_level
 

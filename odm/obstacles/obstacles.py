@@ -1,6 +1,6 @@
 """Obstacles of a frame as shapes and points, written in place by the caller."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from functools import lru_cache
 from operator import attrgetter
 from typing import Any
@@ -15,6 +15,7 @@ from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
 _ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
@@ -171,6 +172,7 @@ class Obstacles:
             shapes: Spheres, capsules, cylinders, boxes and meshes of `odm`.
             points: (n, 3), None for none [m].
         """
+        check_kind("shapes", shapes, Iterable, "give a list of shapes")
         rows: dict[str, list] = {kind: [] for kind in KINDS}
         for shape in shapes:
             if isinstance(shape, solid.Mesh):
@@ -250,6 +252,7 @@ class Obstacles:
         given = {kind: values for kind, values in given.items() if values is not None}
         for kind, values in given.items():
             n = len(getattr(self, "_" + kind))
+            check_kind(f"{what} of {kind}", values, Sized, "give one for each")
             if len(values) != n:
                 raise BadInput(
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "
