@@ -75,6 +75,14 @@ def check_kind(
         raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
 
 
+def settings_of(given: _T | None, kind: type[_T]) -> _T:
+    """Return settings of a kind, the default ones for None; else BadInput."""
+    if given is None:
+        return kind()
+    check_kind("settings", given, kind, f"give {kind.__name__}(...)")
+    return given
+
+
 def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
     """Declare a field of a settings class, whose numbers are from `low` to `high`."""
     return field(default=default, metadata={"range": (low, high, unit)})

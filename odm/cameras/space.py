@@ -19,7 +19,7 @@ from odm.cameras.view import lift
 from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind
+from roadmap.ranges import settings_of
 
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
@@ -86,9 +86,7 @@ class SeenSpace:
         self.cell_map, self.robot = cell_map, cell_map.robot
         one = isinstance(cameras, DepthCamera)
         self.cameras = (cameras,) if one else tuple(cameras)
-        if settings is not None:
-            check_kind("settings", settings, SeenSettings, "give odm.SeenSettings(...)")
-        self.settings = settings or SeenSettings()
+        self.settings = settings_of(settings, SeenSettings)
         self.covering_radius = layout.covering_radius(cell_map)
         self._dense = layout.needs_all_cubes(cell_map, self.covering_radius)
         self._buffers = layout.CellBuffers(cell_map, self.settings)

@@ -34,7 +34,7 @@ from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path
-from roadmap.ranges import check_kind, check_number
+from roadmap.ranges import check_number, settings_of
 from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
@@ -82,10 +82,7 @@ class Executor:
     ) -> None:
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
-        if settings is not None:
-            remedy = "give odm.execution.ExecutionSettings(...)"
-            check_kind("settings", settings, ExecutionSettings, remedy)
-        s = self.settings = settings or ExecutionSettings()
+        s = self.settings = settings_of(settings, ExecutionSettings)
         self.pace, self._lower, self._last_level = pace, s.lower, s.levels - 1
         self.scales = s.speed_scale * s.lower ** np.arange(s.levels)
         self._shares = (self.scales / self.scales[0]).tolist()

@@ -69,7 +69,7 @@ from odm.search._astar import LARGE
 from odm.search.state import Memory
 from roadmap.arrays import writable
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.ranges import check_kind, check_number, is_between
+from roadmap.ranges import check_kind, check_number, is_between, settings_of
 from roadmap.transforms import check_pose
 
 # what a frame's answer is packed with, which every frame takes apart
@@ -108,11 +108,8 @@ class ReactivePlanner:
         settings: PlannerSettings | None = None,
     ) -> None:
         check_kind("cell_map", cell_map, CellMap, "give what odm.load_map returns")
-        if settings is not None:
-            remedy = "give odm.PlannerSettings(...)"
-            check_kind("settings", settings, PlannerSettings, remedy)
         self.cell_map, self.robot = cell_map, cell_map.robot
-        s = self.settings = settings or PlannerSettings()
+        s = self.settings = settings_of(settings, PlannerSettings)
         watch = SensorWatch(s.max_age_s, s.max_range_m)
         frame = self.frame = Frame(cell_map, s.point_capacity, s.finger_pads, watch)
         self._memory, self._numbers = frame.memory, frame.memory.numbers
