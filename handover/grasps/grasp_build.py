@@ -24,7 +24,7 @@ from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
 from roadmap.chunks import Progress
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.transforms import pose_of_flat
 
 
@@ -109,7 +109,7 @@ def build_grasps(
     Raises:
         BadInput: No hand has that name, or no grasp holds the object.
     """
-    settings = settings or GraspSettings()
+    settings = settings_of(settings, GraspSettings)
     hand = load_hand(hand) if isinstance(hand, str) else hand
     tell = progress or (lambda stage, done, total: None)
     begun = time.perf_counter()

@@ -17,6 +17,7 @@ from handover.meet.validity import Validity, validity_of
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
 from roadmap.errors import BadInput
+from roadmap.ranges import settings_of
 from roadmap.robot.robot import Robot
 
 
@@ -74,7 +75,7 @@ def find_handover(
         BadInput: A timeout that is none, a robot of other joints than the
             reach map's, an `is_valid` that is none.
     """
-    settings = settings or FindSettings()
+    settings = settings_of(settings, FindSettings)
     if not 0 < timeout < np.inf:
         raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
     check_same_robot(meet.reach, robot)

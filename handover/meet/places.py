@@ -21,6 +21,7 @@ from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import settings_of
 
 NAMES = (*PARTS, "dexterity", "combined", "online", "total")
 _CHUNK = 64  # places between two looks at the progress
@@ -83,7 +84,7 @@ def qualities_at(
         raise BadInput(
             f"places have shape {points.shape}; give finite (n, 3) in metres"
         )
-    settings = settings or QualitySettings()
+    settings = settings_of(settings, QualitySettings)
     state = ArmState.of(human, side, settings, obstacles)
     arm, T = human.arm(side), human.T_world_shoulder(side)
     flip = MIRROR if side == "left" else np.eye(3)

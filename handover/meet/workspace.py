@@ -31,6 +31,7 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import settings_of
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
@@ -99,7 +100,7 @@ class InteractionWorkspace:
         Raises:
             BadInput: No grasp, a grid finer than the map, a map of the wrong kind.
         """
-        self.settings = settings or MeetSettings()
+        self.settings = settings_of(settings, MeetSettings)
         self.obj, self.reach = obj, reach
         self.grasps = _grasps(obj, grasps)
         s = self.settings

@@ -17,7 +17,7 @@ from handover.plans.mover import Mover, mount_pose
 from handover.plans.paths import Blocked, Clock, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
-from roadmap.ranges import check_kind, check_number
+from roadmap.ranges import check_kind, check_number, settings_of
 
 LONGEST = 3600.0  # [s] time limit
 
@@ -105,7 +105,7 @@ def plan_handover(
     """
     check_kind("a scene", scene, Scene, "give what handover.load_scene returns")
     check_number("time_limit_s [s]", time_limit_s, 0.0, LONGEST)
-    settings, report = settings or PlanSettings(), Report()
+    settings, report = settings_of(settings, PlanSettings), Report()
     if time_limit_s == 0.0:
         return HandoverPlan(
             scene,

@@ -21,7 +21,7 @@ from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
 from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BuildRefused
-from roadmap.ranges import is_between
+from roadmap.ranges import is_between, settings_of
 
 _CHUNK = 1 << 17  # samples drawn at a time
 _POSITIONS = 16  # positions marked at a time
@@ -100,7 +100,7 @@ def build_reach_map(
     Raises:
         BuildRefused: The grid would not fit in memory.
     """
-    settings = settings or ReachSettings()
+    settings = settings_of(settings, ReachSettings)
     tell = progress or (lambda stage, done, total: None)
     begun, cpu = time.perf_counter(), time.process_time()
     grid = reach_grid(chain, settings.cell, settings.rotations)

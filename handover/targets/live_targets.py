@@ -22,6 +22,7 @@ from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.ranges import settings_of
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
@@ -101,7 +102,7 @@ class LiveTargets:
         index: NodeIndex | None = None,
         settings: LiveSettings | None = None,
     ) -> None:
-        s = self.settings = settings or LiveSettings()
+        s = self.settings = settings_of(settings, LiveSettings)
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)
         self.finder = TargetGoals(planner, meet, index, s)

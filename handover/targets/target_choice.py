@@ -11,13 +11,14 @@ import numpy as np
 
 from handover.targets.settings import ChoiceSettings
 from handover.targets.target_offers import Offer
+from roadmap.ranges import settings_of
 
 
 class TargetChoice:
     """Keeps the cells on offer, best first, from frame to frame."""
 
     def __init__(self, settings: ChoiceSettings | None = None) -> None:
-        self.settings = settings or ChoiceSettings()
+        self.settings = settings_of(settings, ChoiceSettings)
         self.keys: tuple[int, ...] = ()
         self._frame = 0
         self._waited_for: tuple[int, int] | None = None  # last pursued, and when

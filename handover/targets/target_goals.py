@@ -13,6 +13,7 @@ from odm.frame.freedom import check_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
+from roadmap.ranges import settings_of
 
 NODE, EXACT = "node", "exact"
 
@@ -68,7 +69,7 @@ class TargetGoals:
                 f"{len(nodes)}; make it of the same map"
             )
         self.planner, self.meet, self.index = planner, meet, index
-        self.settings = settings or LiveSettings()
+        self.settings = settings_of(settings, LiveSettings)
         self.failed: dict[int, str] = {}
         self.rest: np.ndarray | None = None
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)

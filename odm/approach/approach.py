@@ -27,7 +27,7 @@ from odm.frame.frame import Frame
 from odm.frame.freedom import is_free
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
-from roadmap.ranges import is_between
+from roadmap.ranges import is_between, settings_of
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Approacher:
     def __init__(self, frame: Frame, settings: ApproachSettings | None = None) -> None:
         """Compute the tool's pose at every node of the roadmap."""
         self.frame = frame
-        self.settings = settings or ApproachSettings()
+        self.settings = settings_of(settings, ApproachSettings)
         self.tool = ToolKinematics(frame.robot)
         self._nodes = frame.cell_map.roadmap.nodes
         self._near = NearPoses(self.tool.tools(self._nodes))

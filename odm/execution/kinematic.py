@@ -11,6 +11,7 @@ from odm.execution.threat import Moving
 from roadmap.arrays import frozen
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, SetPoint
+from roadmap.ranges import settings_of
 from roadmap.robot.robot import Robot
 
 
@@ -82,7 +83,7 @@ class KinematicMover:
         settings: ExecutionSettings | None = None,
         pace: PaceSettings = PaceSettings(),
     ) -> None:
-        settings = settings or ExecutionSettings()
+        settings = settings_of(settings, ExecutionSettings)
         self.robot, self.planner, self.period = robot, planner, period
         self.state, self.reason = STANDING, ""
         self._min_retreat_separation = settings.min_retreat_separation

@@ -33,7 +33,7 @@ from roadmap.arrays import writable
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
 from roadmap.motion.motion import Motion
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 
 NOBODY = np.zeros((0, 7))
@@ -76,7 +76,7 @@ class SpeedLimit:
 
     def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
         """Take the spheres of the links that joints move."""
-        s = settings or SpeedSettings()
+        s = settings_of(settings, SpeedSettings)
         self.robot, self.settings, self._ahead = robot, s, AheadSettings()
         lost = s.intrusion + s.position_error
         times = [s.reaction_s, s.stopping_s, lost]

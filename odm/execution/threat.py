@@ -62,7 +62,7 @@ from odm.execution._threat import Ability, Tracks, follow, write_between, write_
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, settings_of
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
@@ -440,7 +440,7 @@ class Watcher:
         self, settings: ThreatSettings | None = None, follow: FollowSettings = _FOLLOW
     ) -> None:
         self.follow = follow
-        self.settings = s = settings or ThreatSettings()
+        self.settings = s = settings_of(settings, ThreatSettings)
         plausible = s.max_plausible_acceleration, s.max_plausible_speed
         self._limits = np.array([s.noise, s.acceleration, *plausible])
         self._window = s.window

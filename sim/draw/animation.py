@@ -8,6 +8,7 @@ import numpy as np
 from roadmap.chunks import Progress
 from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
+from roadmap.ranges import settings_of
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import FAINT, INK, TEAL
@@ -49,7 +50,7 @@ def write_animation(
             the camera goes where they hide least.
         tell: Called with the stage, pictures painted and of how many, before each.
     """
-    settings = settings or FilmSettings()
+    settings = settings_of(settings, FilmSettings)
     shown = settings.shown(_liveliness(result), result.rate_hz)
     moments = [shown[k * (len(shown) - 1) // 4] for k in range(5)]
     hiding = None if still is None else balls_of(still)

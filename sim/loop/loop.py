@@ -15,7 +15,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, sphere_centers
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 from sim.loop.garbage import NotCollected
 from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
@@ -154,7 +154,7 @@ class Loop:
         pushed: PushSettings | None = None,
         new_paths: NewPathSettings = NewPathSettings(),
     ) -> None:
-        self.settings, self.new_paths = settings or LoopSettings(), new_paths
+        self.settings, self.new_paths = settings_of(settings, LoopSettings), new_paths
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1

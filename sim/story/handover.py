@@ -34,6 +34,7 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
+from roadmap.ranges import settings_of
 from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import Berth, comfort_rods
@@ -138,7 +139,7 @@ class Handover:
         T_base_place: np.ndarray | None = None,
         conduct: ConductSettings = ConductSettings(),
     ) -> None:
-        s = self.settings = settings or StorySettings()
+        s = self.settings = settings_of(settings, StorySettings)
         self.conduct = conduct
         _check_pads(planner)
         self.planner, self.targets, self.executor = planner, targets, executor

@@ -17,7 +17,7 @@ import numpy as np
 
 from roadmap.kinematics.forward import tool_pose
 from roadmap.motion.motion import SetPoint
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 from sim.story.wrist import GRAVITY
 
@@ -58,7 +58,7 @@ class PullDetector:
     """
 
     def __init__(self, settings: PullSettings | None = None) -> None:
-        self.settings = settings or PullSettings()
+        self.settings = settings_of(settings, PullSettings)
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._rest: np.ndarray | None = None
         self.force, self.lasted, self.felt = 0.0, 0.0, False

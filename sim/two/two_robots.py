@@ -21,6 +21,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput, PlanningError
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
+from roadmap.ranges import settings_of
 from sim.loop.run_result import kind_of
 from sim.loop.work_places import work_places
 from sim.two.robot_pair import ExactPair
@@ -51,7 +52,7 @@ class TwoRobots:
         T_world_base: np.ndarray,
         settings: TwoSettings | None = None,
     ) -> None:
-        self.settings = settings or TwoSettings()
+        self.settings = settings_of(settings, TwoSettings)
         T = np.asarray(T_world_base, float)
         self.T = (np.eye(4), T)
         # base of the other one in the base frame of robot 0 and 1
@@ -136,7 +137,7 @@ def run_two(
     `on_frame(done, total)` is called after every frame. The same input gives the same
     result but for the clock's figures.
     """
-    settings = settings or TwoSettings()
+    settings = settings_of(settings, TwoSettings)
     two = TwoRobots(maps, T_world_base, settings)
     total = max(1, round(settings.duration_s * settings.rate_hz))
     rows: dict[str, list] = {n: [] for n in ("q", "status", "wall_s", "place")}

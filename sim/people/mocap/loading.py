@@ -8,6 +8,7 @@ import numpy as np
 
 from handover.human.anthropometry import HEIGHTS
 from handover.human.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
+from roadmap.ranges import settings_of
 from roadmap.transforms import moved_points
 from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.people.mocap.bvh import parse_bvh
@@ -118,7 +119,7 @@ def load_mocap(
         BadMocap: The file, the mapping or a setting cannot be used, the skeleton has
             no arms, an arm is never seen, or no person moves like that.
     """
-    settings = settings or MocapSettings()
+    settings = settings_of(settings, MocapSettings)
     tracks = read_tracks(path)
     joints, rate, notes = _measured(tracks, mapping, settings)
     joints, faults, mended = _mended(joints, rate, tracks.source)
