@@ -29,11 +29,13 @@ from numba.core.cpu import CPUContext
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
+from numba.core.datamodel import ArgPacker
 from numba.core.typing import Signature
 from numba.np import arrayobj
 
 _NUMBERS = (types.Number, types.Boolean)
 _WITH_CONSTANTS = ("static_getitem", "static_setitem")  # numba has none for arrays
+MANY = 3  # arrays of a tuple that is not handed on number by number
 _sizes: dict[str, int] = {}
 _alignments: dict[str, int] = {}
 
@@ -106,7 +108,13 @@ class _LoopContext(CPUContext):
         """Return what makes the code that reads an attribute."""
         if attr == "shape" and type(typ) is types.Array:
             return _shape
+        if isinstance(typ, types.BaseNamedTuple) and _is_large(typ):
+            return _member
         return super().get_getattr(typ, attr)
+
+    def get_arg_packer(self, fe_args: tuple) -> ArgPacker:
+        """Return how arguments are handed on."""
+        return _Packer(self.data_model_manager, tuple(fe_args))
 
     def get_abi_sizeof(self, ty: ir.Type) -> int:
         """Return how many bytes a value takes; LLVM reads a whole module to tell."""
@@ -121,6 +129,68 @@ class _LoopContext(CPUContext):
         if key not in _alignments:
             _alignments[key] = super().get_abi_alignment(ty)
         return _alignments[key]
+
+
+class _Packer(ArgPacker):
+    """Numba's own, but for groups of arrays: they are handed on by where they lie."""
+
+    def __init__(self, models: Any, kinds: tuple) -> None:
+        self._large = [k for k, kind in enumerate(kinds) if _is_large(kind)]
+        self._kinds = [models[kinds[k]].get_value_type() for k in self._large]
+        given = list(kinds)
+        for k in self._large:
+            given[k] = types.voidptr
+        super().__init__(models, tuple(given))
+
+    def as_arguments(self, builder: ir.IRBuilder, values: Any) -> tuple:
+        """Return what a call is handed."""
+        values = list(values)
+        for k in self._large:
+            place = _place_of(builder, values[k])
+            values[k] = builder.bitcast(place, cgutils.voidptr_t)
+        return super().as_arguments(builder, values)
+
+    def from_arguments(self, builder: ir.IRBuilder, args: Any) -> list:
+        """Return the arguments of a call."""
+        values = super().from_arguments(builder, args)
+        for k, kind in zip(self._large, self._kinds, strict=True):
+            place = builder.bitcast(values[k], kind.as_pointer())
+            values[k] = value_at(builder, place)
+        return values
+
+
+def value_at(builder: ir.IRBuilder, place: ir.Value) -> ir.Value:
+    """Return what lies at a place that nothing writes to while it is used."""
+    value = builder.load(place)
+    value.lies_at = place
+    return value
+
+
+def _place_of(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    """Return where a value lies; it is written there as soon as it is known."""
+    place = getattr(value, "lies_at", None)
+    if place is None:
+        place = cgutils.alloca_once(builder, value.type)
+        here = builder
+        if isinstance(value, ir.Instruction):
+            value.lies_at = place
+            if value.parent is not builder.block:
+                here = ir.IRBuilder(value.parent)
+                here.position_before(value.parent.terminator)
+        here.store(value, place)
+    return place
+
+
+def _is_large(kind: types.Type) -> bool:
+    """Return True for tuples with several arrays, and nothing that is counted."""
+    return isinstance(kind, types.BaseTuple) and _arrays(kind) >= MANY
+
+
+def _arrays(kind: types.Type) -> int:
+    """Return how many arrays there are in a tuple of plain arrays and numbers."""
+    if isinstance(kind, types.BaseTuple):
+        return sum(_arrays(one) for one in kind)
+    return 1 if type(kind) is types.Array else 0
 
 
 class _Bound:
@@ -197,6 +267,17 @@ def _shape(
     context: BaseContext, builder: ir.IRBuilder, typ: Any, value: Any, attr: str
 ) -> ir.Value:
     return _Given(context, builder, typ, value).shape
+
+
+def _member(
+    context: BaseContext, builder: ir.IRBuilder, typ: Any, value: Any, attr: str
+) -> ir.Value:
+    k = typ.fields.index(attr)
+    member = builder.extract_value(value, k)
+    place = getattr(value, "lies_at", None)
+    if place is not None and _is_large(typ[k]):
+        member.lies_at = cgutils.gep_inbounds(builder, place, 0, k)
+    return impl_ret_borrowed(context, builder, typ[k], member)
 
 
 class _Lower(Lower):
