@@ -17,6 +17,8 @@ from numba.core.callwrapper import PyCallWrapper
 from numba.core.pythonapi import NativeValue, PythonAPI
 from numba.np.numpy_support import as_dtype
 
+from roadmap.lowering import value_at
+
 _TAKE = "roadmap.take_array"
 _WORDS = (
     "can't unbox array from PyObject into native value.  "
@@ -67,7 +69,7 @@ class _Taking(PythonAPI):
         kind = self.context.get_value_type(typ)
         place = cgutils.alloca_once(self.builder, kind)
         failed = self._write(typ, obj, place)
-        return NativeValue(self.builder.load(place), is_error=failed)
+        return NativeValue(value_at(self.builder, place), is_error=failed)
 
     def _write(self, typ: types.Type, obj: ir.Value, place: ir.Value) -> ir.Value:
         """Write an argument to its place; return whether that failed."""

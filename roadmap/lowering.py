@@ -9,6 +9,11 @@ And it keeps a variable that more than one part of a loop uses on the stack, and
 all of it for each use: of a group of arrays a hundred numbers for one. Taking them
 apart again was a fifth of LLVM's work. Here a variable that is assigned once is that
 value.
+
+And it hands a group of arrays on number by number: two hundred for a few arrays, which
+the caller writes to the stack, of which most loops read a dozen. Here a loop is handed
+the address of a group, and so is what that loop calls. A group lies in the planner's
+table, or where it was put together, and nobody writes there while it is used.
 """
 
 import operator
@@ -24,18 +29,19 @@ from numba.core.analysis import (
     must_use_alloca,
 )
 from numba.core.base import BaseContext
+from numba.core.callconv import CPUCallConv, excinfo_t
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.cpu import CPUContext
+from numba.core.datamodel import ArgPacker
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
-from numba.core.datamodel import ArgPacker
 from numba.core.typing import Signature
 from numba.np import arrayobj
 
 _NUMBERS = (types.Number, types.Boolean)
 _WITH_CONSTANTS = ("static_getitem", "static_setitem")  # numba has none for arrays
-MANY = 3  # arrays of a tuple that is not handed on number by number
+SEVERAL = 3  # arrays of a named tuple, at least, that is handed on by its address
 _sizes: dict[str, int] = {}
 _alignments: dict[str, int] = {}
 
@@ -108,13 +114,18 @@ class _LoopContext(CPUContext):
         """Return what makes the code that reads an attribute."""
         if attr == "shape" and type(typ) is types.Array:
             return _shape
-        if isinstance(typ, types.BaseNamedTuple) and _is_large(typ):
+        if isinstance(typ, types.BaseNamedTuple) and _is_group(typ):
             return _member
         return super().get_getattr(typ, attr)
 
+    @property
+    def call_conv(self) -> CPUCallConv:
+        """How loops call each other."""
+        return _CallConv(self)
+
     def get_arg_packer(self, fe_args: tuple) -> ArgPacker:
         """Return how arguments are handed on."""
-        return _Packer(self.data_model_manager, tuple(fe_args))
+        return _Packer(self, fe_args)
 
     def get_abi_sizeof(self, ty: ir.Type) -> int:
         """Return how many bytes a value takes; LLVM reads a whole module to tell."""
@@ -131,16 +142,39 @@ class _LoopContext(CPUContext):
         return _alignments[key]
 
 
+class _CallConv(CPUCallConv):
+    """Numba's own, but for groups that are returned: they lie where they were put."""
+
+    def call_function(
+        self,
+        builder: ir.IRBuilder,
+        callee: ir.Function,
+        resty: types.Type,
+        argtys: Any,
+        args: Any,
+        attrs: Any = None,
+    ) -> tuple:
+        """Call a loop; return what came of it, and its result."""
+        if not _lies_as_it_is(self.context, resty):
+            return super().call_function(builder, callee, resty, argtys, args, attrs)
+        place = cgutils.alloca_once(builder, self.get_return_type(resty).pointee)
+        exc = cgutils.alloca_once(builder, ir.PointerType(excinfo_t))
+        given = self._get_arg_packer(argtys).as_arguments(builder, args)
+        code = builder.call(callee, [place, exc, *given], attrs=attrs or ())
+        status = self._get_return_status(builder, code, builder.load(exc))
+        return status, value_at(builder, place)
+
+
 class _Packer(ArgPacker):
     """Numba's own, but for groups of arrays: they are handed on by where they lie."""
 
-    def __init__(self, models: Any, kinds: tuple) -> None:
-        self._large = [k for k, kind in enumerate(kinds) if _is_large(kind)]
-        self._kinds = [models[kinds[k]].get_value_type() for k in self._large]
+    def __init__(self, context: BaseContext, kinds: tuple) -> None:
+        self._large = [k for k, kind in enumerate(kinds) if _is_group(kind)]
+        self._kinds = [context.get_value_type(kinds[k]) for k in self._large]
         given = list(kinds)
         for k in self._large:
             given[k] = types.voidptr
-        super().__init__(models, tuple(given))
+        super().__init__(context.data_model_manager, tuple(given))
 
     def as_arguments(self, builder: ir.IRBuilder, values: Any) -> tuple:
         """Return what a call is handed."""
@@ -181,16 +215,23 @@ def _place_of(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     return place
 
 
-def _is_large(kind: types.Type) -> bool:
-    """Return True for tuples with several arrays, and nothing that is counted."""
-    return isinstance(kind, types.BaseTuple) and _arrays(kind) >= MANY
+def _is_group(kind: types.Type) -> bool:
+    """Return True for named tuples of several arrays; numba's own loops take none."""
+    return isinstance(kind, types.BaseNamedTuple) and _arrays(kind) >= SEVERAL
 
 
 def _arrays(kind: types.Type) -> int:
-    """Return how many arrays there are in a tuple of plain arrays and numbers."""
+    """Return how many plain arrays there are in a tuple, and in those that it holds."""
     if isinstance(kind, types.BaseTuple):
         return sum(_arrays(one) for one in kind)
     return 1 if type(kind) is types.Array else 0
+
+
+def _lies_as_it_is(context: BaseContext, kind: types.Type) -> bool:
+    """Return True for a group that is returned as it is used: all but single bits."""
+    return _is_group(kind) and context.get_data_type(kind) == context.get_value_type(
+        kind
+    )
 
 
 class _Bound:
@@ -275,7 +316,7 @@ def _member(
     k = typ.fields.index(attr)
     member = builder.extract_value(value, k)
     place = getattr(value, "lies_at", None)
-    if place is not None and _is_large(typ[k]):
+    if place is not None and _is_group(typ[k]):
         member.lies_at = cgutils.gep_inbounds(builder, place, 0, k)
     return impl_ret_borrowed(context, builder, typ[k], member)
 

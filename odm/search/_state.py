@@ -18,7 +18,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np.arrayobj import get_itemsize, make_array
+from numba.np.arrayobj import make_array
 from numba.np.numpy_support import from_dtype
 
 from odm._groups import BLOCK, FRAME, GOAL, array, declared
@@ -26,7 +26,7 @@ from odm.close_test._arm import Arm, Work
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solid_samples import Patterns
 from odm.obstacles._solids import Solids
-from roadmap.lowering import array_value
+from roadmap.lowering import value_at
 
 NO_ITEM, IS_GOAL, NO_MOTION = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free
@@ -507,25 +507,35 @@ class Groups:
 
 
 KINDS: dict[str, type] = Groups.__annotations__
-_WIDTH = 4  # numbers of a row: address and shape; or the bits of a single float
+# groups whose arrays `show` may exchange in the middle of a frame
+SHOWN = ("seen", "lent")
 
 
-def first_row(name: str) -> int:
-    """Return the row at which a group begins."""
+def words_of(kind: type) -> int:
+    """Return how many words of the table a group takes."""
+    return sum(5 + 2 * len(f.axes) if f.axes else 1 for f in declared(kind).values())
+
+
+def first_word(name: str) -> int:
+    """Return the word of the table at which a group begins."""
     before = list(KINDS)[: list(KINDS).index(name)]
-    return sum(len(declared(KINDS[other])) for other in before)
+    return sum(words_of(KINDS[other]) for other in before)
 
 
 def table_of(groups: dict[str, tuple], block: np.dtype) -> np.ndarray:
-    """Return the table of all groups, which must have been checked."""
-    rows = [value for name in KINDS for value in groups[name]]
-    table = np.zeros((len(rows), _WIDTH), np.int64)
-    for row, value in zip(table, rows, strict=True):
+    """Return the table of all groups, which must have been checked.
+
+    Its words are what numba knows of each array, in numba's order, so that a group lies
+    there as compiled loops hand it on; or the bits of a single float.
+    """
+    words: list[int] = []
+    for value in (value for name in KINDS for value in groups[name]):
         if isinstance(value, float):
-            row[:1].view(np.float64)[0] = value
+            words.append(int(np.float64(value).view(np.int64)))
             continue
-        row[0] = value.__array_interface__["data"][0]  # fast
-        row[1 : 1 + value.ndim] = value.shape
+        at = value.__array_interface__["data"][0]  # fast
+        words += (0, 0, value.size, value.itemsize, at, *value.shape, *value.strides)
+    table = np.array(words, np.int64)
     return table.view(np.uint64) if block == np.uint32 else table
 
 
@@ -552,37 +562,25 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
     """Return a group of the table by its name, which must be written out."""
     if not isinstance(name, types.StringLiteral):
         return None
-    kind, first = KINDS[name.literal_value], first_row(name.literal_value)
+    kind, first = KINDS[name.literal_value], first_word(name.literal_value)
     block = types.uint16 if table.dtype.signed else types.uint32
     members = [_member(field, block) for field in declared(kind).values()]
     result = types.BaseTuple.from_types(members, kind)
 
     def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
-        rows = make_array(signature.args[0])(context, builder, args[0]).data
-
-        def entry(k):  # noqa: ANN001, ANN202
-            return builder.load(builder.gep(rows, [cgutils.intp_t(k)]))
-
-        values = []
-        for k, member in enumerate(members, first):
-            at = entry(_WIDTH * k)
-            to = context.get_data_type(getattr(member, "dtype", member))
-            if not isinstance(member, types.Array):
-                values.append(builder.bitcast(at, to))
-                continue
-            shape = [entry(_WIDTH * k + 1 + axis) for axis in range(member.ndim)]
-            size = cgutils.intp_t(get_itemsize(context, member))
-            strides = [size]
-            for length in shape[:0:-1]:
-                strides.insert(0, builder.mul(strides[0], length))
-            data = builder.inttoptr(at, to.as_pointer())
-            # without meminfo nothing is counted
-            fields = {"data": data, "itemsize": size, "shape": shape}
-            made = array_value(context, builder, member, strides=strides, **fields)
-            values.append(made)
-        return context.make_tuple(builder, result, values)
+        place = _place(context, builder, signature.args[0], args[0], first, result)
+        if name.literal_value in SHOWN:
+            return builder.load(place)
+        return value_at(builder, place)
 
     return result(table, name), codegen
+
+
+def _place(context, builder, typ, table, first, result):  # noqa: ANN001, ANN202
+    """Return where in a table a value of a type begins: at its word `first`."""
+    words = make_array(typ)(context, builder, table).data
+    place = builder.gep(words, [cgutils.intp_t(first)])
+    return builder.bitcast(place, context.get_value_type(result).as_pointer())
 
 
 @intrinsic
@@ -594,18 +592,22 @@ def show(typingctx, table, name, field, array):  # noqa: ANN001, ANN201
     literal = types.StringLiteral, types.IntegerLiteral
     if not (isinstance(name, literal[0]) and isinstance(field, literal[1])):
         return None
-    kind, first = KINDS[name.literal_value], first_row(name.literal_value)
-    first += field.literal_value
-    if array != _member([*declared(kind).values()][field.literal_value], None):
+    if name.literal_value not in SHOWN:
+        return None
+    kinds = [*declared(KINDS[name.literal_value]).values()]
+    before = [kind for kind in kinds[: field.literal_value]]
+    first = first_word(name.literal_value)
+    first += sum(5 + 2 * len(one.axes) for one in before)
+    if array != _member(kinds[field.literal_value], None):
         return None
 
     def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
-        rows = make_array(signature.args[0])(context, builder, args[0]).data
-        given = make_array(signature.args[3])(context, builder, args[3])
-        at = builder.ptrtoint(given.data, cgutils.intp_t)
-        row = [at, *cgutils.unpack_tuple(builder, given.shape)]
-        for k, number in enumerate(row, _WIDTH * first):
-            builder.store(number, builder.gep(rows, [cgutils.intp_t(k)]))
+        typ, _, _, kind = signature.args
+        given = make_array(kind)(context, builder, args[3])
+        given.meminfo = cgutils.get_null_value(given.meminfo.type)  # not counted
+        given.parent = cgutils.get_null_value(given.parent.type)
+        place = _place(context, builder, typ, args[0], first, kind)
+        builder.store(given._getvalue(), place)
         return context.get_dummy_value()
 
     return types.void(table, name, field, array), codegen

@@ -14,6 +14,7 @@ from odm.search._items import sign_items
 from odm.search._state import (
     KINDS,
     LOST,
+    SHOWN,
     Certificates,
     Direct,
     Graph,
@@ -22,8 +23,9 @@ from odm.search._state import (
     RobotState,
     Stats,
     Terms,
-    first_row,
+    first_word,
     table_of,
+    words_of,
 )
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
@@ -108,9 +110,10 @@ def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     check({name: (KINDS[name], group) for name, group in named.items()}, block)
     table = table_of(named, block)
     if "table" in vars(memory):  # arrays that are not the memory's own stay
-        for name in ("seen", "lent"):
-            rows = slice(first_row(name), first_row(name) + len(declared(KINDS[name])))
-            table[rows] = memory.table[rows]
+        for name in SHOWN:
+            first = first_word(name)
+            words = slice(first, first + words_of(KINDS[name]))
+            table[words] = memory.table[words]
     for name, value in {**groups, "table": table}.items():
         object.__setattr__(memory, name, value)
 

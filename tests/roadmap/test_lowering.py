@@ -153,3 +153,59 @@ def test_a_group_that_is_assigned_once_is_not_on_the_stack(monkeypatch):
     loop.compile((loop.typeof_pyval(Group(np.ones(8), np.ones(8))), types.int64))
     assert not {"group", "a", "n"} & set(places)
     assert any("late" in name for name in places)
+
+
+class Nest(NamedTuple):
+    """A group in a group, with a number beside."""
+
+    first: Group
+    x: float
+    c: np.ndarray
+
+
+def _sum(nest, k):
+    return nest.first.a[k] + 10.0 * nest.first.b[k] + 100.0 * nest.c[k] + nest.x
+
+
+def _written(nest, k, inner):
+    """Hand groups on as they came, put together anew, chosen, returned and nested."""
+    total, last = 0.0, nest
+    for i in range(3):
+        other = Nest(Group(nest.c, nest.first.a), nest.x + i, nest.first.b)
+        chosen = other if i == k else nest
+        total += inner(chosen, i) + inner(last, k)
+        if i > 0:
+            total += inner(other, i)
+        last, nest = swapped(other), last
+        total += inner(last, i) + inner(nest, k) + last.first.b[i]
+        nest.c[i] += 1.0
+    return total
+
+
+def _swapped(nest):
+    return Nest(Group(nest.first.b, nest.first.a), -nest.x, nest.c)
+
+
+swapped = _swapped
+
+
+def _nest():
+    a, b, c = np.arange(9.0).reshape(3, 3) ** 2
+    return Nest(Group(a, b), 0.5, c)
+
+
+@pytest.mark.parametrize("said", [LEAN, FULL])
+def test_groups_are_handed_on_as_they_are(said, monkeypatch):
+    expected = [_written(_nest(), k, _sum) for k in range(3)]
+    inner = njit(**said | FRESH)(_sum)
+    monkeypatch.setitem(globals(), "swapped", njit(**said | FRESH)(_swapped))
+    loop = njit(**said | FRESH)(_written)
+    assert [loop(_nest(), k, inner) for k in range(3)] == expected
+
+
+def test_a_loop_is_handed_the_address_of_a_group():
+    loop = njit(**LEAN | FRESH)(_sum)
+    loop(_nest(), 1)
+    text = next(iter(loop.inspect_llvm().values()))
+    head = next(line for line in text.splitlines() if line.startswith("define"))
+    assert head.count(",") < 6  # of some thirty numbers

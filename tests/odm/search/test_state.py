@@ -7,9 +7,10 @@ from numba.core.errors import TypingError
 from small import HOME
 
 from odm._groups import FRAME, GOAL, LIFE, declared
-from odm.search._state import KINDS, Stats, show, table_of, view
+from odm.search._state import KINDS, Stats, show, view
 from odm.search.state import Memory, exchange, lay_out
 from roadmap.errors import BadInput
+from roadmap.jit_options import LEAN
 
 
 @pytest.fixture
@@ -114,8 +115,8 @@ def test_every_array_says_how_long_it_lives(memory):
     lives = [memory.arrays(life) for life in (LIFE, GOAL, FRAME)]
     names = [name for arrays in lives for name in arrays]
     assert len(names) == len(set(names)) and all(lives)
-    n_rows = len(table_of({n: getattr(memory, n) for n in KINDS}, np.dtype("u2")))
-    assert len(names) == n_rows - 2  # the cell size of both clouds is a number
+    n_arrays = sum(len(kind._fields) for kind in KINDS.values())
+    assert len(names) == n_arrays - 2  # the cell size of both clouds is a number
 
 
 def test_a_frames_points_are_in_the_table_where_they_are(planner, rng):
@@ -143,3 +144,21 @@ def test_an_answer_reads_the_counts_in_their_order():
     assert Stats._fields[:5] == ("popped", "edge_tests", "flooded", "close", "runs")
     rest = ("step", "marked", "blocks", "inside", "outside", "bad")
     assert Stats._fields[6:] == rest
+
+
+def test_a_group_that_was_viewed_keeps_its_arrays_where_others_are_shown(planner):
+    @njit(**LEAN | {"cache": False})
+    def begins(lent):
+        return lent.given[0, 0] + lent.room.shape[0]
+
+    @njit(**LEAN | {"cache": False})
+    def before_and_after(table, old, new):
+        show(table, "lent", 0, old)
+        lent = view(table, "lent")
+        show(table, "lent", 0, new)
+        return begins(lent), begins(view(table, "lent")), lent.given[0, 1]
+
+    table = planner.memory.table.copy()
+    old, new = np.full((2, 3), 1.0), np.full((2, 3), 5.0)
+    first, second, number = before_and_after(table, old, new)
+    assert (second - first, number) == (4.0, 1.0)
