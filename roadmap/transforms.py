@@ -51,9 +51,7 @@ def moved_points(points: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 def rotation_to_z(z: np.ndarray) -> np.ndarray:
     """Return a (3, 3) rotation whose z axis is a unit vector (3,)."""
-    side = np.zeros(3)
-    side[np.argmin(np.abs(z))] = 1.0
-    x = np.cross(side, z)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 

@@ -12,7 +12,7 @@ import numpy as np
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _prune as kernels
 from handover.plans.mover import Mover, solver_of
-from handover.plans.settings import SolveSettings
+from handover.plans.settings import SOLVE
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.tool_chain import descent_of
 from roadmap.transforms import flat_pose
@@ -48,10 +48,8 @@ class Executed:
 class Grasper:
     """An arm that grasps an object by the grasps of a set, wherever the object is."""
 
-    def __init__(
-        self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
-    ) -> None:
-        self.mover, self.grasps, self.solve = mover, grasps, solve
+    def __init__(self, mover: Mover, grasps: GraspSet) -> None:
+        self.mover, self.grasps = mover, grasps
         limb, space = mover.limb, mover.space
         rows = np.arange(len(space.pairs))
         hand = rows < space.first
@@ -65,7 +63,7 @@ class Grasper:
         hand |= np.isin(space.pairs[:, 0], fixed) & still
         n = limb.n_arm
         self.arm = kernels.Arm(
-            solver=() if limb.seven is None else solver_of(limb, solve),
+            solver=() if limb.seven is None else solver_of(limb),
             chain=limb.chain.arrays,
             frames=np.zeros((len(limb.chain.kind) + 1, 12)),
             jac=np.zeros((6, n)),
@@ -82,7 +80,7 @@ class Grasper:
         other_hand = mover.object_group + len(mover.other.groups)
         self.hands = (space.pairs == (mover.hand_group, other_hand)).all(axis=1)
         closed = len(self.arm.solver.found) if limb.seven else 0
-        self.most = closed or solve.restarts + 1
+        self.most = closed or SOLVE.restarts + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
     def look(
@@ -202,11 +200,10 @@ class Looked:
         limb, n = mover.limb, mover.limb.n_arm
         rng = np.random.default_rng(0)
         low, high = limb.lower[:n], limb.upper[:n]
-        solve = self._grasper.solve
-        drawn = rng.uniform(low, high, (solve.restarts, n))
+        drawn = rng.uniform(low, high, (SOLVE.restarts, n))
         starts = np.vstack([0.5 * (low + high), drawn])
         work, trial = descent_of(arm.chain), np.zeros(n)
-        goal = solve.error, float(solve.steps)
+        goal = SOLVE.error, float(SOLVE.steps)
         for i, target in enumerate(targets):
             kernels.begin(listed, i, target)
             if now[0]:

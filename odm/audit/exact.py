@@ -203,10 +203,8 @@ def _turned(axis: np.ndarray, length: float) -> list[float]:
     if length < 1e-12:
         return [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
     z = axis / length
-    side = [0.0, 0.0, 0.0]
-    side[np.argmin(np.abs(z))] = 1.0
     z = z.tolist()
-    x = np.array(_cross(side, z))
+    x = np.array(_cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z))
     x = (x / np.sqrt(x.dot(x))).tolist()
     y = _cross(z, x)
     return [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]

@@ -13,7 +13,7 @@ from odm.obstacles.grid import bounding_ball
 from odm.planner.settings import PoseSettings
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, wrapped
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
@@ -158,20 +158,13 @@ class PoseGoals:
             else:
                 _, off, turned = self._tool.reach(pose, q)
             if off <= tolerance[0] and turned <= tolerance[1]:
-                q = self._in_half_a_turn(q)
+                q = wrapped(self._robot, q)
                 if self._is_inside(q) and not self._is_known(q, kept[:n]):
                     kept[n] = q
                     n += 1
             elif off + LENGTH * turned < sum(best):
                 best, at = (off, LENGTH * turned), q
         return kept[:n], None if n else self._why(T, best, at)
-
-    def _in_half_a_turn(self, q: np.ndarray) -> np.ndarray:
-        """Return q with its continuous joints within half a turn either way."""
-        if not self._turns:
-            return q
-        turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
-        return np.where(self._robot.continuous, q - turns, q)
 
     def _is_inside(self, q: np.ndarray) -> bool:
         robot = self._robot

@@ -57,11 +57,14 @@ def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
 
 
 def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
-    """Return q (..., dof) with its continuous joints in [-pi, pi), copied."""
+    """Return q (..., dof) with its continuous joints in [-pi, pi), copied.
+
+    Those that are there already stay as they are, to the last bit.
+    """
     if not robot.continuous.any():
         return np.array(q, float)
-    turned = (q + np.pi) % (2 * np.pi) - np.pi
-    return np.where(robot.continuous, turned, q)
+    turns = np.floor((q + np.pi) / (2 * np.pi))
+    return np.where(robot.continuous, q - 2 * np.pi * turns, q)
 
 
 def motion_per_joint(

@@ -92,19 +92,13 @@ class WholePerson:
 
     Args:
         motion: Of one arm: two capsules, its trunk facing -x of the base.
-        height: Of the body [m].
         walk: Where the body stands, on its floor; None: behind the arm's shoulder.
 
     Raises:
         BadInput: More or less than one arm.
     """
 
-    def __init__(
-        self,
-        motion: HumanMotion,
-        height: float = 1.75,
-        walk: Walk | None = None,
-    ) -> None:
+    def __init__(self, motion: HumanMotion, walk: Walk | None = None) -> None:
         n = len(motion.capsules(0.0))
         if n != 2:
             raise BadInput(
@@ -113,7 +107,7 @@ class WholePerson:
                 "mocap or keyboard"
             )
         self.motion, self.walk = motion, walk
-        self._standing = Human(height)
+        self._standing = Human(1.75)
         self._last: tuple[float, Human] | None = None
 
     @property

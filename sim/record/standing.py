@@ -33,7 +33,7 @@ def scene_rows(planner: ReactivePlanner) -> list[dict]:
     return rows
 
 
-def set_up(planner: ReactivePlanner, rows: list[dict], path: object = "FILE") -> None:
+def set_up(planner: ReactivePlanner, rows: list[dict], path: object) -> None:
     """Let the recorded objects stand around a planner's robot."""
     for row in rows:
         name, shapes, pose = shapes_of(row, path)

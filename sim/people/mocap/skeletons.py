@@ -265,7 +265,7 @@ def _arms(joints: Mapping[str, object]) -> list[str]:
     return [s for s in SIDES if all(f"{s}_{j}" in joints for j in ARM)]
 
 
-def _listed(tracks: Tracks, most: int = 40) -> str:
+def _listed(tracks: Tracks) -> str:
     names = [name for name in tracks.places if not name.endswith("_end")]
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    more = f" and {len(names) - 40} more" if len(names) > 40 else ""
+    return ", ".join(names[:40]) + more
