@@ -140,7 +140,7 @@ class PoseGoals:
         From so many times the seeds of the settings, and as many times `enough`.
         """
         pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
-        seeds, enough = times * self.settings.seeds, times * self.settings.enough
+        seeds, enough = times * self.settings.seeds, times * self.settings.max_solutions
         near = self._near.nearest(pose, min(seeds, len(self._nodes)))
         kept, n = np.empty((enough, self._robot.dof)), 0
         best, at = (np.inf, np.inf), self._nodes[near[0]]
@@ -148,7 +148,7 @@ class PoseGoals:
         if np.isfinite(self._frame.q).all():
             starts = np.vstack([self._frame.q, starts])
         # from there once more, if all were too short
-        long = list(starts[: self.settings.long])
+        long = list(starts[: self.settings.long_descents])
         for k, start in enumerate([*starts, *long]):
             if n == enough or (n and k >= len(starts)):
                 break
@@ -174,7 +174,7 @@ class PoseGoals:
     def _is_known(self, q: np.ndarray, others: np.ndarray) -> bool:
         """Return whether one of `others` (k, dof) is the same solution as q."""
         off = difference(self._robot, q, others) if self._turns else others - q
-        return bool((np.abs(off).max(axis=1) < self.settings.same).any())
+        return bool((np.abs(off).max(axis=1) < self.settings.same_within).any())
 
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""

@@ -49,7 +49,7 @@ def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.nda
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
-def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
+def unwrapped(robot: JointTree, path: np.ndarray) -> np.ndarray:
     """Return corners (k, dof), each by the shorter turn from the one before."""
     with np.errstate(invalid="ignore"):  # after what is infinite nothing is known
         legs = difference(robot, path[:-1], path[1:])

@@ -59,7 +59,7 @@ def info(request: InfoRequest) -> None:
         cell_map = load_map(request.map_dir)
         facts = describe.facts(cell_map, tell, request.overhead)
         if request.plot is not None:
-            from sim.draw.coverage import plot_map
+            from sim.draw.map_picture import plot_map
 
             tell("picture", 0, 1)
             facts["plot"] = str(plot_map(cell_map, request.plot))

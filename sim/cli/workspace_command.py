@@ -200,7 +200,7 @@ def _report(
     reach: "ReachMap", facts: dict, plot: Path | None, json: str | None
 ) -> None:
     if plot is not None:
-        from sim.draw.reach_picture import write_reach_plot
+        from sim.draw.map_picture import write_reach_plot
 
         facts["plot"] = str(write_reach_plot(reach, plot))
     report(facts, json, _show)

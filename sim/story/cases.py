@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.grasps.held_mesh import held_mesh
 from handover.grasps.objects import GraspObject
-from handover.grasps.own_object import held_mesh
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
 from handover.targets.live_targets import LiveTargets

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 import trimesh
-from doors import with_door
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
+from wrappers import with_wrapper
 
 import roadmap
 from odm.audit import _exact as kernels
@@ -24,7 +24,7 @@ from odm.obstacles import shapes
 from roadmap.errors import BadInput
 from roadmap.transforms import flat_pose
 
-reduce_simplex = with_door(kernels.reduce_simplex)
+reduce_simplex = with_wrapper(kernels.reduce_simplex)
 
 seeds = st.integers(0, 2**32 - 1)
 laws = settings(deadline=None, max_examples=150)
