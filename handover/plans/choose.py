@@ -17,7 +17,7 @@ from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
-from handover.plans.prune import Grasper, Looked
+from handover.plans.prune import Grasper, LazyGrasps
 from handover.plans.settings import SOLVE, PlanSettings
 from handover.scenes.scene import Scene
 from roadmap.transforms import moved_points, pose_with, rotation_about
@@ -73,7 +73,7 @@ class Report:
     """
 
     arm: str = ""
-    looked: dict[str, Looked] = field(default_factory=dict)
+    looked: dict[str, LazyGrasps] = field(default_factory=dict)
     poses: list = field(default_factory=lambda: [0, 0])
     tuples: int = 0
     step: str = ""
@@ -205,9 +205,9 @@ def tuples(
 
 
 class _Once:
-    """The free grasps of a `Looked`, in order, each made once and kept."""
+    """The free grasps of a `LazyGrasps`, in order, each made once and kept."""
 
-    def __init__(self, looked: Looked) -> None:
+    def __init__(self, looked: LazyGrasps) -> None:
         self.looked, self._rest, self._found = looked, iter(looked), []
 
     def at(self, k: int) -> tuple[int, np.ndarray, float] | None:
@@ -320,7 +320,7 @@ def _taken(
 
 
 def _given(
-    found: Looked, starts: Looked, clash: np.ndarray, without: set[int]
+    found: LazyGrasps, starts: LazyGrasps, clash: np.ndarray, without: set[int]
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
     """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
 

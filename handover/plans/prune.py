@@ -26,7 +26,7 @@ _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 
 
 @dataclass(frozen=True, eq=False)
-class Executed:
+class ExecutableGrasps:
     """The grasps of a set that an arm can execute, the most dexterous first.
 
     Attributes:
@@ -90,17 +90,17 @@ class Grasper:
         stand: Callable[[], None],
         hands: bool = False,
         rated: bool = True,
-    ) -> "Looked":
+    ) -> "LazyGrasps":
         """Look at the grasps `use` (k,) of the object at a pose (4, 4) [m].
 
         `stand` puts all things where they are then, for the mover. `hands` tests all
         hands at once: where most touch, it saves what follows. `rated` works out all
         dexterity at once, as the order needs; else in turn.
         """
-        return Looked(self, T_world_object, use, stand, (hands, rated))
+        return LazyGrasps(self, T_world_object, use, stand, (hands, rated))
 
 
-class Looked:
+class LazyGrasps:
     """Grasps `use` (k,) at a pose, tested as they are asked for; see `Grasper.look`."""
 
     def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
@@ -177,7 +177,7 @@ class Looked:
             kernels.judge(mover.space, self._grasper.arm, listed, i, mover.scratch)
         return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
 
-    def all(self) -> Executed:
+    def all(self) -> ExecutableGrasps:
         """Test what is left, and return all that are free, the most dexterous first."""
         listed, mover = self._listed, self._grasper.mover
         if (listed.verdict == kernels.UNKNOWN).any():
@@ -192,7 +192,7 @@ class Looked:
             if (verdict == code).any()
         }
         answer = listed.answer[order].copy()
-        return Executed(self.use[order], answer, rank[order].copy(), refused)
+        return ExecutableGrasps(self.use[order], answer, rank[order].copy(), refused)
 
     def _numerically(self, targets: np.ndarray, now: tuple[bool, bool]) -> None:
         """List joints where the arm has no closed form: descents from fixed starts."""
@@ -222,7 +222,7 @@ def prune_grasps(
     grasps: GraspSet,
     T_world_object: np.ndarray,
     use: np.ndarray | None = None,
-) -> Executed:
+) -> ExecutableGrasps:
     """Keep the grasps that an arm can execute on an object where it stands.
 
     Args:

@@ -77,7 +77,7 @@ class AuditRequest:
     payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
     sabotage: str | None = flag(
         None,
-        "Take this away: the audit must fail.",
+        "Take this term of the proof away: the audit must fail.",
         metavar="rho|mu|sphere|certificate",
     )
     sequences: int | None = flag(

@@ -43,19 +43,19 @@ class MeetRequest:
         limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
     )
     aside: float = flag(
-        0.0, "Of the pelvis along the base's y, m.", limits=Limits(-5.0, 5.0, "m")
+        0.0, "Place of the pelvis along the base's y, m.", limits=Limits(-5.0, 5.0, "m")
     )
     turn: float = flag(
         0.0,
-        "0: the person faces the robot; to the left, deg.",
+        "Turn of the person to the left, deg; at 0 they face the robot.",
         limits=Limits(-360.0, 360.0, "deg"),
     )
     posture: Posture = "standing"
     side: Side = "right"
     object_name: str = flag(
-        "wrench", "What is handed.", "--object", metavar="wrench|mallet"
+        "wrench", "The object that is handed over.", "--object", metavar="wrench|mallet"
     )
-    k: int = flag(10, "Targets told.", "--k", min=1, max=100_000)
+    k: int = flag(10, "How many targets are listed.", "--k", min=1, max=100_000)
     cell: float = flag(
         0.15,
         "Side of a position cell, m.",

@@ -37,7 +37,7 @@ Poses = Annotated[
         "--recall",
         min=0,
         max=10_000_000,
-        help="Random poses to solve for the recall; 0: not told.",
+        help="Random poses to solve for the recall; 0: no recall.",
     ),
 ]
 
@@ -79,14 +79,14 @@ class ReachRequest:
     threads: Threads = 0
     self_collision: bool = flag(
         True,
-        "Whether configurations in self-collision count out.",
+        "Leave out configurations in self-collision.",
         "--self-collision/--no-self-collision",
     )
     workers: int = flag(
         0, "Processes of a Dask cluster made here.", min=0, max=MOST_WORKERS
     )
     scheduler: str | None = flag(
-        None, "Of a Dask cluster that runs.", metavar="tcp://HOST:8786"
+        None, "Scheduler of a running Dask cluster.", metavar="tcp://HOST:8786"
     )
     shared: Path | None = flag(
         None, "Folder that all workers see; results go there.", writes=FOLDER

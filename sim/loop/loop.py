@@ -1,4 +1,4 @@
-"""The kinematic loop: person, planner, robot and exact audit, frame by frame."""
+"""The loop: person, planner, robot and exact audit, frame by frame."""
 
 import time
 from collections.abc import Callable
