@@ -19,6 +19,7 @@ from sim.terminal.checks import (
 )
 from sim.terminal.flags import (
     Json,
+    Lock,
     Threads,
     argument,
     flag,
@@ -51,11 +52,7 @@ class ReachRequest:
         None, "The folder; maps/built/reach/NAME if left.", writes=FOLDER
     )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
-    lock: list[str] | None = flag(
-        None,
-        "Make a joint rigid, at a value in rad or m; may be repeated.",
-        metavar="JOINT=VALUE",
-    )
+    lock: Lock = None
     cell: float = flag(
         0.05,
         "Side of a position cell, m.",

@@ -395,12 +395,12 @@ def targets(shop: Shop) -> Lines:
     words = ("run", "--map", robot, "--targets", "meet", "--reach", shop.reach())
     for k, (motion, thing) in enumerate((("reach", "wrench"), ("sweep", "mallet"))):
         asked = ("--motion", motion, "--object", thing, "--seed", k, "--rate", 50)
-        for line in told_by(*words, *asked, "--seconds", 4, "--distance", 0.7, 1.0):
+        for line in told_by(*words, *asked, "--seconds", 4, "--between", 0.7, 1.0):
             yield f"{motion}: {line}"
     asked = ("--motion", "reach", "--seconds", 3, "--execution", "timed", "--rate", 50)
     yield from told_by(*words, *asked)
     Path("clip.bvh").write_text(_bvh(100))
-    asked = ("--motion", "mocap", "--file", "clip.bvh", "--hand", "left", "--rate", 50)
+    asked = ("--motion", "mocap", "--file", "clip.bvh", "--side", "left", "--rate", 50)
     yield from told_by(*words, *asked)
 
 
@@ -450,8 +450,8 @@ def workspace(shop: Shop) -> Lines:
         where = Path("reaches", robot)
         yield from told_by("workspace", "build", robot, "--out", where, *quick)
         yield from told_by("workspace", "info", where, "--recall", 100)
-    words = ("--robot", "kawasaki_fs003n", "--map", shop.reach(), "--distance", 0.8)
-    yield from told_by("workspace", "meet", *words, "--human-map", "reaches/human")
+    words = ("--robot", "kawasaki_fs003n", "--reach", shop.reach(), "--distance", 0.8)
+    yield from told_by("workspace", "meet", *words, "--human-reach", "reaches/human")
     yield from told_by("workspace", "meet", *words, "--posture", "sitting", "--k", 4)
 
 

@@ -28,7 +28,7 @@ def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
         execution="timed",
         targets="meet",
         reach=meet_maps[1],
-        distance=(0.9, 0.9),
+        between=(0.9, 0.9),
         json="-",
         audit_s=0,
     )
