@@ -8,6 +8,8 @@ knows what the first one holds tested; both move on afterwards.
 A robot whose work place is taken waits at a place of its own, out of the other's way.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
@@ -128,10 +130,12 @@ def run_two(
     maps: tuple[CellMap, CellMap],
     T_world_base: np.ndarray,
     settings: TwoSettings | None = None,
+    on_frame: Callable[[int, int], None] | None = None,
 ) -> TwoResult:
     """Run two robots for their whole time, with the arguments of `TwoRobots`.
 
-    The same input gives the same result but for the clock's figures.
+    `on_frame(done, total)` is called after every frame. The same input gives the same
+    result but for the clock's figures.
     """
     settings = settings_of(settings, TwoSettings)
     two = TwoRobots(maps, T_world_base, settings)
@@ -149,6 +153,8 @@ def run_two(
             if robot.reason:
                 first, n = held[k].get(kind_of(robot.reason), (robot.reason, 0))
                 held[k][kind_of(robot.reason)] = first, n + 1
+        if on_frame is not None:
+            on_frame(index + 1, total)
     return TwoResult(
         other=settings.other,
         rate_hz=settings.rate_hz,
