@@ -1,4 +1,4 @@
-"""Where robot and person meet: reach of both, the person's body and comfort."""
+"""Where and how robot and person meet: reach, body, comfort, grasps, whole plans."""
 
 from handover.chain import Chain, chain_of
 from handover.grasps.agents import Agent, AgentArm, Posture, agent_names, load_agent

@@ -39,22 +39,22 @@ class Explains(Protocol):
     """What knows why the robot holds and how it could get away."""
 
     @property
-    def told(self) -> tuple[str, Blockers]:
+    def explained(self) -> tuple[str, Blockers]:
         """The reason and what stands behind it."""
 
     @property
-    def led(self) -> np.ndarray | None:
+    def retreat(self) -> np.ndarray | None:
         """A (k, dof) motion out of the way, or None."""
 
 
-class Told(NamedTuple):
-    """What was explained of a hold, without the planner that knew it."""
+class Explanation(NamedTuple):
+    """Why the robot held and how it could get away; no planner is asked."""
 
-    told: tuple[str, Blockers] = "", NOTHING
-    led: np.ndarray | None = None
+    explained: tuple[str, Blockers] = "", NOTHING
+    retreat: np.ndarray | None = None
 
 
-NOT_HOLDING = Told()
+NOT_HOLDING = Explanation()
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -118,12 +118,12 @@ class Answer:
     @property
     def reason(self) -> str | None:
         """One sentence when holding: what blocks what, and what would help."""
-        return self._why.told[0] or None
+        return self._why.explained[0] or None
 
     @property
     def blockers(self) -> Blockers:
         """Edges, cells, points and link behind the reason."""
-        return self._why.told[1]
+        return self._why.explained[1]
 
     @property
     def retreat(self) -> np.ndarray | None:
@@ -131,7 +131,7 @@ class Answer:
 
         It leads away from the points, to be executed at reduced speed.
         """
-        return self._why.led
+        return self._why.retreat
 
     def __getstate__(self) -> tuple[None, dict]:
         """Return what copies and pickles hold: all that was told, not the planner.
@@ -139,7 +139,10 @@ class Answer:
         The reason and the retreat are asked for now, in the planner's own thread.
         """
         state = {name: getattr(self, name) for name in self.__slots__}
-        return None, {**state, "_why": Told(self._why.told, self._why.led)}
+        return None, {
+            **state,
+            "_why": Explanation(self._why.explained, self._why.retreat),
+        }
 
     def __repr__(self) -> str:
         """Say the status and its core."""

@@ -21,7 +21,7 @@ def _nothing() -> None:
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
+def ignoring_interrupts() -> Iterator[None]:
     """Start processes in here that hear no Ctrl-C, from their first line on.
 
     One that does complains of it, in the middle of an import. Who starts them has to
@@ -60,7 +60,7 @@ def in_processes(
             work = (there, run, jobs[k::number], prepare, given)
             children.append(context.Process(target=_work, args=work, daemon=True))
             ends.append(here)
-            with unheard():
+            with ignoring_interrupts():
                 children[-1].start()
             there.close()
         yield (_result(ends[k % number]) for k in range(len(jobs)))

@@ -1,4 +1,4 @@
-"""The robot and its graph: URDF, kinematics, sphere cover, self-collision, roadmap."""
+"""The robot, its graph and its motions in time; knows nothing of obstacles."""
 
 import roadmap.kernel_cache  # noqa: F401 (drops stale machine code)
 from roadmap.kinematics.forward import tool_pose

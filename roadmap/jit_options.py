@@ -3,7 +3,7 @@
 Numba counts the references to every array that a loop takes out of a tuple or looks
 at, by two locked instructions each time. A loop that makes no array needs none of it,
 since its caller holds the arrays, and numba refuses to compile one that makes an array
-after all. And it compiles two more functions beside each loop: a door through which
+after all. And it compiles two more functions beside each loop: a wrapper through which
 Python calls it, and one for C, which nobody uses.
 
 Every set says all options: numba hands those that a loop leaves open down from what
@@ -24,7 +24,7 @@ LEAN = {
     "pipeline_class": LoopCompiler,
 }
 
-# The same without a door: called by other loops alone. Python must never call it.
+# The same without a wrapper: called by other loops alone. Python must never call it.
 INNER = LEAN | {"no_cpython_wrapper": True}
 
 # As `LEAN` and `INNER`, and a division by zero gives infinity, as in C.

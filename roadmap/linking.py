@@ -28,9 +28,9 @@ from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
 from roadmap.cache_lock import save_in_turn
-from roadmap.door import give_small_doors
 from roadmap.lowering import keep_values, reach_elements_directly
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
+from roadmap.wrapper import use_small_wrappers
 
 # A callee of more instructions is not written into its caller: LLVM gives up at about
 # 55 that cost it something, and few of the others cost nothing.
@@ -51,7 +51,7 @@ class LoopCompiler(CompilerBase):
         if KNOWN:
             self.state.typingctx = LookupContext(self.state.typingctx)
             reach_elements_directly(self.state.targetctx)
-            give_small_doors(self.state.targetctx)
+            use_small_wrappers(self.state.targetctx)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
@@ -60,7 +60,7 @@ class LoopCompiler(CompilerBase):
             library = LoopLibrary(
                 state.targetctx.codegen(), state.func_id.func_qualname
             )
-            library.has_door = not (
+            library.has_wrapper = not (
                 state.flags.no_cpython_wrapper and state.flags.no_cfunc_wrapper
             )
             library.enable_object_caching()
@@ -138,10 +138,10 @@ class LoopLibrary(JITCodeLibrary):
     """The code of one loop.
 
     Attributes:
-        has_door: Whether Python calls it.
+        has_wrapper: Whether Python calls it.
     """
 
-    has_door = True
+    has_wrapper = True
     _final_module: llvm.ModuleRef
     _own: frozenset[str] = frozenset()  # functions of its own
     _calls: tuple[str, ...] = ()  # loops whose machine code its own calls
@@ -205,7 +205,7 @@ class LoopLibrary(JITCodeLibrary):
             g.name for g in module.global_variables if g.linkage == llvm.Linkage.common
         }
         others = needed(self._calls)
-        if not (self.has_door or self._own):
+        if not (self.has_wrapper or self._own):
             self._finalize_dynamic_globals()
             self._verify_declare_only_symbols()
             self._final_module = self._environments(variables)

@@ -51,9 +51,7 @@ def moved_points(points: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 def rotation_to_z(z: np.ndarray) -> np.ndarray:
     """Return a (3, 3) rotation whose z axis is a unit vector (3,)."""
-    side = np.zeros(3)
-    side[np.argmin(np.abs(z))] = 1.0
-    x = np.cross(side, z)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
 
@@ -77,23 +75,24 @@ def inverse_pose(T: np.ndarray) -> np.ndarray:
     return pose_with(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
-def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the (3, 3) rotation about a unit vector (3,) by an angle [rad]."""
+def rotation_about(axis: np.ndarray, angle: float | np.ndarray) -> np.ndarray:
+    """Return the rotations (..., 3, 3) about a unit vector (3,) by angles [rad]."""
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+    s, c = (f(angle)[..., None, None] for f in (np.sin, np.cos))
+    return np.eye(3) + s * K + (1.0 - c) * (K @ K)
 
 
-def joint_motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:
-    """Return the (4, 4) motion [m] that a URDF's joint of a `kind` makes at `value`.
+def joint_motion(kind: str, axis: np.ndarray, value: float | np.ndarray) -> np.ndarray:
+    """Return the motions (..., 4, 4) [m] of a URDF's joint of a `kind` at values.
 
     `axis` (3,) has length 1, in the joint's frame; a fixed joint takes no value.
     """
-    T = np.eye(4)
+    T = np.tile(np.eye(4), (*np.shape(value), 1, 1))
     if kind == "prismatic":
-        T[:3, 3] = value * axis
+        T[..., :3, 3] = np.multiply.outer(value, axis)
     elif kind != "fixed":
-        T[:3, :3] = rotation_about(axis, value)
+        T[..., :3, :3] = rotation_about(axis, value)
     return T
 
 

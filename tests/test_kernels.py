@@ -69,7 +69,7 @@ def _names(module: str) -> dict[str, Kernel]:
 def _called_from_python() -> frozenset[Kernel]:
     """Return the kernels that are named outside of kernels.
 
-    Tests included, but for what they call by `with_door`.
+    Tests included, but for what they call by `with_wrapper`.
     """
     found: set[Kernel] = set()
     for module, tree in _parsed().items():
@@ -99,10 +99,10 @@ def _called_from_python() -> frozenset[Kernel]:
 
 
 def _opened(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
-    """Yield name and loop of each line `name = with_door(loop)`."""
+    """Yield name and loop of each line `name = with_wrapper(loop)`."""
     for node in tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call):
-            if ast.unparse(node.value.func) == "with_door":
+            if ast.unparse(node.value.func) == "with_wrapper":
                 yield ast.unparse(node.targets[0]), node.value.args[0]
 
 
@@ -115,7 +115,7 @@ def test_every_kernel_says_all_of_its_options():
     assert len({tuple(sorted(o)) for o in sets}) == 1
 
 
-def test_only_a_kernel_with_a_door_is_called_from_python():
+def test_only_a_kernel_with_a_wrapper_is_called_from_python():
     """Numba calls address 0 otherwise, and the process ends."""
     assert len(_called_from_python()) > 100
     for kernel in _called_from_python():
@@ -125,7 +125,7 @@ def test_only_a_kernel_with_a_door_is_called_from_python():
         assert without == (name in FROM_LOOPS), name
 
 
-def test_no_door_is_compiled_that_nobody_uses():
+def test_no_wrapper_is_compiled_that_nobody_uses():
     for kernel, said in _kernels().items():
         assert (said in FROM_PYTHON) == (kernel in _called_from_python()), kernel
 

@@ -186,7 +186,11 @@ def test_a_cut_saves_what_is_asked(small_map, saves, shorter):
     frame = odm.ReactivePlanner(small_map).frame
     corners = np.array([[0.0, 0.0, 0.0], [0.3, 0.3, 0.0], [0.6, 0.0, 0.0]])
     cutter = Cutter(
-        frame, SimpleNamespace(q=corners), None, None, ImproveSettings(cut_saves=saves)
+        frame,
+        SimpleNamespace(q=corners),
+        None,
+        None,
+        ImproveSettings(min_cut_saving=saves),
     )
     assert cutter._shorter(corners[0], corners[2] - corners[0], 0, 2) == shorter
 

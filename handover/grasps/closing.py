@@ -7,7 +7,7 @@ import numpy as np
 from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
-from handover.grasps.settings import HoldSettings
+from handover.grasps.settings import HOLD
 from odm.audit._exact import winding
 from odm.audit.exact import gather
 
@@ -99,7 +99,6 @@ def close(
     T_object_palm: np.ndarray,
     shape: int,
     tolerance: float,
-    hold: HoldSettings = HoldSettings(),
 ) -> kernels.HandState | None:
     """Close a hand from a preshape: each finger to its first contact.
 
@@ -114,14 +113,13 @@ def close(
         T_object_palm: Where the palm is, (4, 4).
         shape: Which of its preshapes.
         tolerance: What counts as contact: at most this far, never overlapping [m].
-        hold: How often a gripper gives way.
 
     Returns:
         The closed hand, None where the open one is in the object, nothing is touched or
         the hand meets itself.
     """
     T = np.array(T_object_palm, float)
-    for _ in range(hold.centred):
+    for _ in range(HOLD.centred):
         state = hand.state(T, hand.preshapes[shape])
         if not is_outside(hand, state, target, tolerance):
             return None

@@ -16,12 +16,10 @@ import numpy as np
 from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
-from handover.grasps.settings import HoldSettings
+from handover.grasps.settings import HOLD
 from handover.grasps.surface import farthest, surface_points
 from odm.audit._exact import Convexes
 from odm.audit.exact import gather
-
-_HOLD = HoldSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +53,7 @@ def skin_of(thing: GraspObject, spacing: float, rng: np.random.Generator) -> Ski
 
 
 def contacts_of(
-    hand: Hand,
-    state: kernels.HandState,
-    skin: Skin,
-    within: float,
-    hold: HoldSettings = _HOLD,
+    hand: Hand, state: kernels.HandState, skin: Skin, within: float
 ) -> Contacts:
     """Return where a closed hand touches, a few places a link.
 
@@ -73,7 +67,7 @@ def contacts_of(
     for one in np.unique(link[link >= 0]):
         near = np.flatnonzero(link == one)
         first = int(gap[near].argmin())
-        rows += near[farthest(skin.points[near], hold.each, first)].tolist()
+        rows += near[farthest(skin.points[near], HOLD.each, first)].tolist()
     rows = np.array(rows, np.int64)
     return Contacts(skin.points[rows], -skin.normals[rows], link[rows])
 
@@ -101,7 +95,7 @@ def wrenches(
     return np.concatenate([force, moment], axis=2).reshape(-1, 6)
 
 
-def quality_bound(points: np.ndarray, hold: HoldSettings = _HOLD) -> float:
+def quality_bound(points: np.ndarray) -> float:
     """Return a bound that `closure_quality` of wrenches (n, 6) does not exceed.
 
     A push along a unit vector u is withstood no farther than the hull's farthest point
@@ -109,10 +103,10 @@ def quality_bound(points: np.ndarray, hold: HoldSettings = _HOLD) -> float:
     """
     if len(points) < 7:
         return 0.0
-    u = _directions(hold.directions)
+    u = _directions(HOLD.directions)
     along = (u @ points.T).max(axis=1)
     u, bound = u[along.argmin()], float(along.min())
-    for k in range(hold.descent):
+    for k in range(HOLD.descent):
         push = points @ u
         far = int(push.argmax())
         bound = min(bound, float(push[far]))

@@ -23,3 +23,6 @@ class HoldSettings(CheckedSettings):
     directions: int = setting(512, 1, 100_000)
     descent: int = setting(40, 1, 100_000)
     drawn: int = setting(40, 1, 100_000)
+
+
+HOLD = HoldSettings()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from handover.grasps.objects import GraspObject
-from handover.grasps.settings import HoldSettings
+from handover.grasps.settings import HOLD
 from odm.audit._exact import winding
 
 
@@ -42,10 +42,7 @@ def surface_points(
 
 
 def even_points(
-    thing: GraspObject,
-    n: int,
-    rng: np.random.Generator,
-    hold: HoldSettings = HoldSettings(),
+    thing: GraspObject, n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return n points spread evenly over the surface, and outward normals.
 
@@ -55,7 +52,7 @@ def even_points(
     Returns:
         (n, 3) points and (n, 3) unit normals, object frame [m].
     """
-    points, normals = surface_points(thing, hold.drawn * n, rng)
+    points, normals = surface_points(thing, HOLD.drawn * n, rng)
     n = min(n, len(points))
     chosen = farthest(points, n)
     return points[chosen], normals[chosen]

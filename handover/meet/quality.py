@@ -2,7 +2,7 @@
 
 Five costs, eq. (1), (2) and the text below them, become five qualities in [0, 1] by
 eq. (3) and one, q_online, by eq. (4). The kernel `handover.meet._quality.quality_of`
-does the work for single candidates; here are its settings and its door.
+does the work for single candidates; here are its settings and what is public.
 """
 
 from collections.abc import Sequence

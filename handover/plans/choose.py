@@ -17,12 +17,10 @@ from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import load_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
-from handover.plans.prune import Grasper, Looked
-from handover.plans.settings import PlanSettings, SolveSettings
+from handover.plans.prune import Grasper, LazyGrasps
+from handover.plans.settings import SOLVE, PlanSettings
 from handover.scenes.scene import Scene
 from roadmap.transforms import moved_points, pose_with, rotation_about
-
-_SOLVE = SolveSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class Report:
     """
 
     arm: str = ""
-    looked: dict[str, Looked] = field(default_factory=dict)
+    looked: dict[str, LazyGrasps] = field(default_factory=dict)
     poses: list = field(default_factory=lambda: [0, 0])
     tuples: int = 0
     step: str = ""
@@ -106,10 +104,10 @@ class Pair:
 
 
 @lru_cache(maxsize=16)
-def reach_of(limb: Limb, solve: SolveSettings) -> ArmReach:
+def reach_of(limb: Limb) -> ArmReach:
     """Return an arm's average manipulability by voxel, frame of its mount."""
     center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
-    how = limb.side, center, solve.samples, solve.cell
+    how = limb.side, center, SOLVE.samples, SOLVE.cell
     return build_arm_reach(limb.chain, *how)
 
 
@@ -128,11 +126,11 @@ def arms_in_order(
     entries, local_points = {}, {}
     for side, limb in limbs.items():
         local = np.linalg.inv(mounts[side]) @ np.r_[point, 1.0]
-        entries[side] = reach_of(limb, _SOLVE).at(local[:3])
+        entries[side] = reach_of(limb).at(local[:3])
         local_points[side] = local[:3]
     able = sorted((s for s in entries if entries[s] > 0.0), key=lambda s: -entries[s])
     unable = [s for s in limbs if s not in able]
-    near = {s: reach_of(limbs[s], _SOLVE).gap(local_points[s]) for s in unable}
+    near = {s: reach_of(limbs[s]).gap(local_points[s]) for s in unable}
     late = sorted((s for s in near if near[s] <= size), key=near.__getitem__)
     place = "(" + ", ".join(f"{x:.2f}" for x in point) + ") m"
     if not able and not late:
@@ -207,9 +205,9 @@ def tuples(
 
 
 class _Once:
-    """The free grasps of a `Looked`, in order, each made once and kept."""
+    """The free grasps of a `LazyGrasps`, in order, each made once and kept."""
 
-    def __init__(self, looked: Looked) -> None:
+    def __init__(self, looked: LazyGrasps) -> None:
         self.looked, self._rest, self._found = looked, iter(looked), []
 
     def at(self, k: int) -> tuple[int, np.ndarray, float] | None:
@@ -254,14 +252,14 @@ def steps_of(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:
         yield "more rotations, more voxels", rest, more.tolist()
 
 
-def common_voxels(pair: Pair, near: float, solve: SolveSettings = _SOLVE) -> np.ndarray:
+def common_voxels(pair: Pair, near: float) -> np.ndarray:
     """Return the voxels that both arms reach (n, 3), the most dexterous first.
 
     They are neighbours of the middle between the shoulders, nearer than `near` [m].
     """
     middle = 0.5 * (shoulder(pair.giver) + shoulder(pair.receiver))
-    n = int(np.ceil(near / solve.cell))
-    steps = np.arange(-n, n + 1) * solve.cell
+    n = int(np.ceil(near / SOLVE.cell))
+    steps = np.arange(-n, n + 1) * SOLVE.cell
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
     offsets = grid.reshape(-1, 3)
     offsets = offsets[np.linalg.norm(offsets, axis=1) <= near + 1e-9]
@@ -269,7 +267,7 @@ def common_voxels(pair: Pair, near: float, solve: SolveSettings = _SOLVE) -> np.
     value = np.ones(len(points))
     total = np.zeros(len(points))
     for mover in (pair.giver, pair.receiver):
-        reach = reach_of(mover.limb, solve)
+        reach = reach_of(mover.limb)
         local = moved_points(points, np.linalg.inv(mover.T_mount))
         entry = reach.entries(local)
         value *= entry > 0.0
@@ -322,7 +320,7 @@ def _taken(
 
 
 def _given(
-    found: Looked, starts: Looked, clash: np.ndarray, without: set[int]
+    found: LazyGrasps, starts: LazyGrasps, clash: np.ndarray, without: set[int]
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray, float]]:
     """Yield (grasp, joints at the start, joints, dexterity) of the giver, best first.
 

@@ -20,7 +20,7 @@ from handover.plans.limb import (
     box_corners,
     prism,
 )
-from handover.plans.settings import ProofSettings, SolveSettings
+from handover.plans.settings import SOLVE, ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.geometry.solids import hull_corners
@@ -348,7 +348,7 @@ def _turn_bodies(limb: Limb) -> np.ndarray:
     return found
 
 
-def solver_of(limb: Limb, solve: SolveSettings = SolveSettings()) -> kernels.Solver:
+def solver_of(limb: Limb, solve: SolveSettings = SOLVE) -> kernels.Solver:
     """Return an arm's closed form with working memory for one thread."""
     free = free_angles(limb.seven, solve.free_angles)
     found = np.zeros((MOST * len(free), 7))

@@ -10,7 +10,7 @@ from handover.plans import _trees as kernels
 from handover.plans._space import follow, postures
 from handover.plans.grasps import BACK, line_clear
 from handover.plans.mover import Mover, solver_of
-from handover.plans.settings import PlanSettings, SolveSettings
+from handover.plans.settings import SOLVE, PlanSettings
 from roadmap.errors import PlanningError
 from roadmap.kinematics.tool_chain import descent_of
 
@@ -75,23 +75,17 @@ class Paths:
         home: (dof,) where it waits.
         settings: See PlanSettings.
         clock: Its `over` is asked before each search.
-        solve: How finely joints are looked for.
     """
 
     def __init__(
-        self,
-        mover: Mover,
-        home: np.ndarray,
-        settings: PlanSettings,
-        clock: Clock,
-        solve: SolveSettings = SolveSettings(),
+        self, mover: Mover, home: np.ndarray, settings: PlanSettings, clock: Clock
     ) -> None:
-        self.clock, self._solve = clock, solve
         self.mover, self.home, self.settings = mover, home, settings
+        self.clock = clock
         self._trees = _trees(mover.limb.dof)
         self._arm = None
         if mover.limb.seven is not None:
-            self._arm = solver_of(mover.limb, solve)
+            self._arm = solver_of(mover.limb)
         self._chain = mover.limb.chain.arrays
         self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
@@ -182,9 +176,7 @@ class Paths:
     def _ends(self, corners: int, length: float) -> list[int]:
         """Return corners where a line may end, the farthest first."""
         whole = self._steps(length)
-        ends = dict.fromkeys(
-            int(np.ceil(share * whole)) for share in self._solve.shorter
-        )
+        ends = dict.fromkeys(int(np.ceil(share * whole)) for share in SOLVE.shorter)
         return [end for end in ends if end < corners]
 
     def _steps(self, length: float) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from handover.grasps.grasp_set import GraspSet
 from handover.plans import _prune as kernels
 from handover.plans.mover import Mover, solver_of
-from handover.plans.settings import SolveSettings
+from handover.plans.settings import SOLVE
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics.tool_chain import descent_of
 from roadmap.transforms import flat_pose
@@ -26,7 +26,7 @@ _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 
 
 @dataclass(frozen=True, eq=False)
-class Executed:
+class ExecutableGrasps:
     """The grasps of a set that an arm can execute, the most dexterous first.
 
     Attributes:
@@ -48,10 +48,8 @@ class Executed:
 class Grasper:
     """An arm that grasps an object by the grasps of a set, wherever the object is."""
 
-    def __init__(
-        self, mover: Mover, grasps: GraspSet, solve: SolveSettings = SolveSettings()
-    ) -> None:
-        self.mover, self.grasps, self.solve = mover, grasps, solve
+    def __init__(self, mover: Mover, grasps: GraspSet) -> None:
+        self.mover, self.grasps = mover, grasps
         limb, space = mover.limb, mover.space
         rows = np.arange(len(space.pairs))
         hand = rows < space.first
@@ -65,7 +63,7 @@ class Grasper:
         hand |= np.isin(space.pairs[:, 0], fixed) & still
         n = limb.n_arm
         self.arm = kernels.Arm(
-            solver=() if limb.seven is None else solver_of(limb, solve),
+            solver=() if limb.seven is None else solver_of(limb),
             chain=limb.chain.arrays,
             frames=np.zeros((len(limb.chain.kind) + 1, 12)),
             jac=np.zeros((6, n)),
@@ -82,7 +80,7 @@ class Grasper:
         other_hand = mover.object_group + len(mover.other.groups)
         self.hands = (space.pairs == (mover.hand_group, other_hand)).all(axis=1)
         closed = len(self.arm.solver.found) if limb.seven else 0
-        self.most = closed or solve.restarts + 1
+        self.most = closed or SOLVE.restarts + 1
         self.T_object_palm = np.ascontiguousarray(grasps.T_object_palm)
 
     def look(
@@ -92,17 +90,17 @@ class Grasper:
         stand: Callable[[], None],
         hands: bool = False,
         rated: bool = True,
-    ) -> "Looked":
+    ) -> "LazyGrasps":
         """Look at the grasps `use` (k,) of the object at a pose (4, 4) [m].
 
         `stand` puts all things where they are then, for the mover. `hands` tests all
         hands at once: where most touch, it saves what follows. `rated` works out all
         dexterity at once, as the order needs; else in turn.
         """
-        return Looked(self, T_world_object, use, stand, (hands, rated))
+        return LazyGrasps(self, T_world_object, use, stand, (hands, rated))
 
 
-class Looked:
+class LazyGrasps:
     """Grasps `use` (k,) at a pose, tested as they are asked for; see `Grasper.look`."""
 
     def __init__(self, grasper: Grasper, T_world_object, use, stand, now) -> None:
@@ -179,7 +177,7 @@ class Looked:
             kernels.judge(mover.space, self._grasper.arm, listed, i, mover.scratch)
         return listed.answer[i].copy() if listed.verdict[i] == kernels.FREE else None
 
-    def all(self) -> Executed:
+    def all(self) -> ExecutableGrasps:
         """Test what is left, and return all that are free, the most dexterous first."""
         listed, mover = self._listed, self._grasper.mover
         if (listed.verdict == kernels.UNKNOWN).any():
@@ -194,7 +192,7 @@ class Looked:
             if (verdict == code).any()
         }
         answer = listed.answer[order].copy()
-        return Executed(self.use[order], answer, rank[order].copy(), refused)
+        return ExecutableGrasps(self.use[order], answer, rank[order].copy(), refused)
 
     def _numerically(self, targets: np.ndarray, now: tuple[bool, bool]) -> None:
         """List joints where the arm has no closed form: descents from fixed starts."""
@@ -202,11 +200,10 @@ class Looked:
         limb, n = mover.limb, mover.limb.n_arm
         rng = np.random.default_rng(0)
         low, high = limb.lower[:n], limb.upper[:n]
-        solve = self._grasper.solve
-        drawn = rng.uniform(low, high, (solve.restarts, n))
+        drawn = rng.uniform(low, high, (SOLVE.restarts, n))
         starts = np.vstack([0.5 * (low + high), drawn])
         work, trial = descent_of(arm.chain), np.zeros(n)
-        goal = solve.error, float(solve.steps)
+        goal = SOLVE.error, float(SOLVE.steps)
         for i, target in enumerate(targets):
             kernels.begin(listed, i, target)
             if now[0]:
@@ -225,7 +222,7 @@ def prune_grasps(
     grasps: GraspSet,
     T_world_object: np.ndarray,
     use: np.ndarray | None = None,
-) -> Executed:
+) -> ExecutableGrasps:
     """Keep the grasps that an arm can execute on an object where it stands.
 
     Args:

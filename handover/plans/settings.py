@@ -51,6 +51,9 @@ class SolveSettings(CheckedSettings):
     shorter: tuple[float, ...] = setting((1.0, 0.6, 0.35), 0.01, 1.0)
 
 
+SOLVE = SolveSettings()
+
+
 @dataclass(frozen=True)
 class PlanSettings(CheckedSettings):
     """Settings of `plan_handover`.

@@ -7,7 +7,7 @@ import numpy as np
 
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.audit import _exact as kernels
-from odm.audit.exact import Obstacles, obstacles_of
+from odm.audit.exact import ExactObstacles, obstacles_of
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput
 
@@ -45,12 +45,12 @@ def check_start(scene: Scene) -> None:
         )
 
 
-def _links(placed: PlacedAgent) -> dict[str, Obstacles]:
+def _links(placed: PlacedAgent) -> dict[str, ExactObstacles]:
     name = placed.agent.name
     return _by_name((f"{name}/{link}", shape) for link, shape in placed.shapes())
 
 
-def _by_name(named: Iterable[tuple[str, Shape]]) -> dict[str, Obstacles]:
+def _by_name(named: Iterable[tuple[str, Shape]]) -> dict[str, ExactObstacles]:
     """Return all shapes of one name together; a table's legs may have the same."""
     groups: dict[str, list[Shape]] = {}
     for name, shape in named:
@@ -59,7 +59,7 @@ def _by_name(named: Iterable[tuple[str, Shape]]) -> dict[str, Obstacles]:
 
 
 def _between(
-    some: dict[str, Obstacles], others: dict[str, Obstacles]
+    some: dict[str, ExactObstacles], others: dict[str, ExactObstacles]
 ) -> list[tuple[float, str, str]]:
     found = []
     for one, a in some.items():
@@ -71,7 +71,7 @@ def _between(
 
 
 def _within(
-    placed: PlacedAgent, group: dict[str, Obstacles]
+    placed: PlacedAgent, group: dict[str, ExactObstacles]
 ) -> list[tuple[float, str, str]]:
     found = []
     for one, other in combinations(group, 2):
@@ -84,7 +84,7 @@ def _within(
     return found
 
 
-def _distance(a: Obstacles, b: Obstacles) -> float:
+def _distance(a: ExactObstacles, b: ExactObstacles) -> float:
     use = np.ones(len(a.frames), bool)
     found = np.empty(2, np.int64)
     best, _ = kernels.nearest_pair(

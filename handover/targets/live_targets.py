@@ -175,7 +175,7 @@ class LiveTargets:
         if self.withdrawn and (self.goals or not self.counts["set_goals"]):
             self._changed = True  # a costly job: no other in this frame
             self.counts["set_goals"] += 1
-            self.goals = self._set(())
+            self.goals = self._set_valid(())
             if allowance is not None:
                 allowance.spend(allowance.takes.set_goals)
             return
@@ -199,7 +199,7 @@ class LiveTargets:
             self.counts["attached"] = self.offers.attached
         if self._changed:
             self.counts["set_goals"] += 1
-            goals = self._set(goals)
+            goals = self._set_valid(goals)
             if allowance is not None:
                 allowance.spend(allowance.takes.set_goals)
         self.goals = goals
@@ -287,17 +287,19 @@ class LiveTargets:
         self._worth |= {t.key: t.quality for t in targets}
         return offers.goals(keys)
 
-    def _set(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
+    def _set_valid(self, goals: tuple[Goal, ...]) -> tuple[Goal, ...]:
         """Set the planner's goals; leave out those that have become invalid."""
         try:
-            self.planner.set_goals([g.q for g in goals] or [self.rest])
+            self._set_goals(goals)
         except BadConfiguration:  # something else is in the hand, or stands about
             self.offers.forget()
             goals = tuple(g for g in goals if self._can_be(g.q))
-            still = [g.q for g in goals] or [self.rest]
             if goals or self._can_be(self.rest):
-                self.planner.set_goals(still)
+                self._set_goals(goals)
         return goals
+
+    def _set_goals(self, goals: tuple[Goal, ...]) -> None:
+        self.planner.set_goals([g.q for g in goals] or [self.rest])
 
     def _can_be(self, q: np.ndarray) -> bool:
         planner = self.planner

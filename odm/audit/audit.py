@@ -16,7 +16,7 @@ from odm.audit.audit_library import (
 )
 from odm.audit.audit_report import AuditReport, Case
 from odm.audit.audit_targets import audit_solids
-from odm.audit.exact import Obstacles, obstacles_of
+from odm.audit.exact import ExactObstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
@@ -142,7 +142,7 @@ class Auditor:
         family = self.specimens[which].family
         return Case(motion, t, q, family, which, T, link, float(found.distance[k]))
 
-    def obstacles(self, case: Case) -> Obstacles:
+    def obstacles(self, case: Case) -> ExactObstacles:
         """Return the obstacle of a case where it stood, for `ExactRobot.distance`."""
         shapes = self.specimens[case.specimen].shapes
         return obstacles_of([shape.moved(case.T_base_obstacle) for shape in shapes])

@@ -39,7 +39,7 @@ class Nearest:
 
 
 @dataclass(frozen=True, eq=False)
-class Obstacles:
+class ExactObstacles:
     """Obstacle solids ready for the compiled loops; see `obstacles_of`.
 
     Attributes:
@@ -78,20 +78,24 @@ class ExactRobot:
     def distance(
         self,
         q: np.ndarray,
-        obstacles: "Obstacles | list[solid.Shape]",
+        obstacles: "ExactObstacles | list[solid.Shape]",
         cap: float = np.inf,
     ) -> Nearest:
         """Return the smallest distance of the solids from obstacles at q (dof,) [m].
 
-        Obstacles are shapes, or what `obstacles_of` made of them. Distances beyond
+        ExactObstacles are shapes, or what `obstacles_of` made of them. Distances beyond
         `cap` are not resolved: the answer is `cap`.
         """
-        if not isinstance(obstacles, Obstacles):
+        if not isinstance(obstacles, ExactObstacles):
             obstacles = obstacles_of(obstacles)
         return self.distance_of(self._use, q, obstacles, cap)
 
     def distance_of(
-        self, use: np.ndarray, q: np.ndarray, obstacles: Obstacles, cap: float = np.inf
+        self,
+        use: np.ndarray,
+        q: np.ndarray,
+        obstacles: ExactObstacles,
+        cap: float = np.inf,
     ) -> Nearest:
         """Return the same for the solids chosen by `use` (n,) bool alone."""
         frames, found = self.frames(q), np.empty(2, np.int64)
@@ -110,7 +114,10 @@ class ExactRobot:
         return Nearest(best, gap, link, other)
 
     def collides(
-        self, q: np.ndarray, obstacles: "Obstacles | list[solid.Shape]", m: float = 0.0
+        self,
+        q: np.ndarray,
+        obstacles: "ExactObstacles | list[solid.Shape]",
+        m: float = 0.0,
     ) -> bool:
         """Return whether a solid comes within `m` [m] of an obstacle, or touches it."""
         return self.distance(q, obstacles, cap=m + 1e-3).distance <= m
@@ -148,7 +155,7 @@ class ExactRobot:
         return None
 
 
-def obstacles_of(shapes: list[solid.Shape]) -> Obstacles:
+def obstacles_of(shapes: list[solid.Shape]) -> ExactObstacles:
     """Return shapes as convex parts with poses, for `ExactRobot.distance`."""
     parts, frames, owner, hollow, hollow_shape = [], [], [], [], []
     for k, shape in enumerate(shapes):
@@ -161,10 +168,12 @@ def obstacles_of(shapes: list[solid.Shape]) -> Obstacles:
             hollow_shape.append(k)
     poses = np.array(frames).reshape(-1, 4, 4)
     convexes = gather(parts, np.array(owner, np.int64))
-    return Obstacles(convexes, flat_pose(poses), tuple(hollow), tuple(hollow_shape))
+    return ExactObstacles(
+        convexes, flat_pose(poses), tuple(hollow), tuple(hollow_shape)
+    )
 
 
-def capsule_obstacles(rows: np.ndarray) -> Obstacles:
+def capsule_obstacles(rows: np.ndarray) -> ExactObstacles:
     """Return capsules (n, 7), ends a, b and radius [m], as `obstacles_of` does.
 
     The same bytes as of `Capsule.between` one by one, in a twentieth of its time: so
@@ -195,7 +204,7 @@ def capsule_obstacles(rows: np.ndarray) -> Obstacles:
         ball=ball,
         owner=np.arange(n),
     )
-    return Obstacles(convexes, frames, (), ())
+    return ExactObstacles(convexes, frames, (), ())
 
 
 def _turned(axis: np.ndarray, length: float) -> list[float]:
@@ -203,10 +212,8 @@ def _turned(axis: np.ndarray, length: float) -> list[float]:
     if length < 1e-12:
         return [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
     z = axis / length
-    side = [0.0, 0.0, 0.0]
-    side[np.argmin(np.abs(z))] = 1.0
     z = z.tolist()
-    x = np.array(_cross(side, z))
+    x = np.array(_cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z))
     x = (x / np.sqrt(x.dot(x))).tolist()
     y = _cross(z, x)
     return [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]]

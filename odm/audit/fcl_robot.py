@@ -9,6 +9,7 @@ out too large by up to 0.4 mm (never too small); mesh models are hollow. So hull
 import numpy as np
 
 from odm.obstacles import shapes as solid
+from roadmap.geometry.solids import hull_facets
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
 
@@ -92,18 +93,10 @@ def geometry_of(shape: solid.Shape) -> object:
 def convex_geometry(points: np.ndarray) -> object:
     """Return `fcl.Convex` around points (n, 3), its facets turned outwards."""
     import fcl
-    from scipy.spatial import ConvexHull
 
-    hull = ConvexHull(points)
-    place = np.full(len(points), -1)
-    place[hull.vertices] = np.arange(len(hull.vertices))
-    corners = points[hull.vertices]
-    faces = place[hull.simplices]
-    a, b, c = (corners[faces[:, k]] for k in range(3))
-    inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    rows = np.insert(faces, 0, 3, axis=1)
-    return fcl.Convex(corners, len(faces), rows.ravel())
+    used, faces = np.unique(hull_facets(points), return_inverse=True)
+    rows = np.insert(faces.reshape(-1, 3), 0, 3, axis=1)
+    return fcl.Convex(points[used], len(rows), rows.ravel())
 
 
 def _robot_geometry(robot: Robot, i: int) -> object:

@@ -25,7 +25,7 @@ from odm.planner.planner import ReactivePlanner
 from odm.planner.settings import PlannerSettings
 from odm.search._paths import locate_on_path
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import sphere_centers, wrapped
 from roadmap.transforms import moved_points, pose_of
 
 PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
@@ -116,10 +116,7 @@ class Sequence:
 
     def inside(self, q: np.ndarray) -> np.ndarray:
         """Return q moved inside the joints' limits."""
-        robot = self.robot
-        turned = (q + np.pi) % (2.0 * np.pi) - np.pi
-        clipped = np.clip(q, robot.lower, robot.upper)
-        return np.where(robot.continuous, turned, clipped)
+        return np.clip(wrapped(self.robot, q), self.robot.lower, self.robot.upper)
 
     def draw_shape(self, near: np.ndarray) -> Shape:
         """Return a sphere, cylinder, box or convex mesh beside `near` [m]."""

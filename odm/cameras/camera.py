@@ -14,7 +14,9 @@ NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
 MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
-STEEPEST = 75.0  # degrees between a surface's normal and the ray: raw points hold there
+_STEEPEST = (
+    75.0  # degrees between a surface's normal and the ray: raw points hold there
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,25 +93,19 @@ class DepthCamera:
         """
         return 2.0 * depth_m * self.kappa / (1.0 - self.kappa)
 
-    def covering_radius(self, depth_m: float, steepest: float = STEEPEST) -> float:
+    def covering_radius(self, depth_m: float) -> float:
         """Return the covering radius of raw points on a visible surface [m].
 
         The ray nearest to a visible point leaves it by half the diagonal of a pixel
         at most, across the optical axis. On a plane whose normal is turned from the
         ray by `beta` that grows by 1 / cos(beta): a grazing surface is sampled as
-        sparsely as one likes, so the radius holds up to `steepest` only.
+        sparsely as one likes, so the radius holds up to 75 degrees only.
 
         Args:
             depth_m: Largest depth of the points [m].
-            steepest: Largest angle between normal and ray [degrees].
         """
-        if not 0.0 <= steepest < 90.0:
-            raise BadInput(
-                f"an angle of {steepest} degrees between a surface's normal and the "
-                "ray is not from 0 to below 90; 75 is usual"
-            )
         half_diagonal = np.sqrt(0.5) * self.kappa
-        return float(depth_m * half_diagonal / np.cos(np.radians(steepest)))
+        return float(depth_m * half_diagonal / np.cos(np.radians(_STEEPEST)))
 
     def check_image(self, image: np.ndarray) -> np.ndarray:
         """Return an image as C-contiguous uint16 of the camera's size, or raise."""

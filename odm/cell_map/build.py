@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
-from odm.cell_map.chunk_work import Standing, motion_job, static_test
+from odm.cell_map.chunk_work import StaticTestSpec, motion_job, static_test
 from odm.cell_map.estimate import check_size
 from odm.cell_map.payload import build_payload, envelope_spheres
 from odm.cell_map.recipe import Recipe, load_recipe
@@ -60,7 +60,9 @@ def build_map(
     roadmap, report = build_roadmap(
         robot,
         recipe.roadmap,
-        static_test(Standing(robot, scenery, recipe.safety), threads).motions_free,
+        static_test(
+            StaticTestSpec(robot, scenery, recipe.safety), threads
+        ).motions_free,
         progress,
         _tested_by(workers, robot, scenery, recipe),
         workers,

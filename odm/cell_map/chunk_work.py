@@ -17,7 +17,7 @@ from roadmap.robot.robot import Robot
 _ENTRIES = 160  # first guess per item; a chunk that needs more is done again
 
 
-class Standing(NamedTuple):
+class StaticTestSpec(NamedTuple):
     """What motions are tested against."""
 
     robot: Robot
@@ -27,7 +27,7 @@ class Standing(NamedTuple):
 
 def motion_job(robot: Robot, scenery: Scenery, safety: Safety, stage: str) -> Job:
     """Return the job of testing motions q + t dq, both (k, dof) -> (k,) bool."""
-    spec = Standing(robot, scenery, safety)
+    spec = StaticTestSpec(robot, scenery, safety)
     return Job(f"{__name__}:test_motions", f"{__name__}:static_test", spec, stage, 2)
 
 
@@ -41,7 +41,7 @@ def edge_job(swept: sweep.Swept) -> Job:
     return Job(f"{__name__}:cells_of_edges", f"{__name__}:as_it_is", swept, "edge", 3)
 
 
-def static_test(spec: Standing, threads: int = 1) -> StaticTest:
+def static_test(spec: StaticTestSpec, threads: int = 1) -> StaticTest:
     """Make the test of a roadmap's motions: their ends are drawn, none is needed."""
     return StaticTest(*spec, threads=threads, finest=TOLERANCE)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from odm.cell_map._sweep import ItemCells, merge_lists
 from odm.cell_map.cell_map import CellMap, PayloadLayer
-from odm.cell_map.chunk_work import Standing, static_test
+from odm.cell_map.chunk_work import StaticTestSpec, static_test
 from odm.cell_map.lists import packed_lists
 from odm.cell_map.recipe import PayloadRecipe, Recipe
 from odm.cell_map.sweep import sweep_roadmap
@@ -105,7 +105,7 @@ def build_payload(
     alone = only_link(loaded, own)
     rest = (grid, recipe.safety, workers, progress)
     cells = sweep_roadmap(alone, arm_of(alone), roadmap, *rest)
-    test = static_test(Standing(loaded, scenery, recipe.safety), threads)
+    test = static_test(StaticTestSpec(loaded, scenery, recipe.safety), threads)
     ends = np.asarray(roadmap.edges)
     still = np.zeros_like(roadmap.nodes)
     dq = difference(robot, roadmap.nodes[ends[:, 0]], roadmap.nodes[ends[:, 1]])

@@ -28,7 +28,7 @@ from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
-from odm.execution.threat import Moving, PartlyCalm, Threat
+from odm.execution.threat import Moving, SteadyParts, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
 from roadmap.errors import BadInput
@@ -697,7 +697,7 @@ class Executor:
             return False
         closer = self._closer
         if threat.expects_harder and not left.all():
-            person = PartlyCalm(threat, left)
+            person = SteadyParts(threat, left)
             if not self._test.passes(motion, t, begin, stop, person, closer):
                 return False
         return self._stop_free(motion, t, threat.as_lately(), closer=closer)

@@ -63,7 +63,6 @@ class KinematicMover:
         q: (dof,) where the robot stands.
         period: Time between frames [s].
         settings: Its speeds and `min_retreat_separation` are used.
-        pace: Its `retreat_every` is used.
 
     Attributes:
         state: "moving", "retreating" or "standing".
@@ -81,7 +80,6 @@ class KinematicMover:
         q: np.ndarray,
         period: float,
         settings: ExecutionSettings | None = None,
-        pace: PaceSettings = PaceSettings(),
     ) -> None:
         settings = settings_of(settings, ExecutionSettings)
         self.robot, self.planner, self.period = robot, planner, period
@@ -92,7 +90,7 @@ class KinematicMover:
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
         self._path = self._q[None]
         self._separation = SeparationWatch(planner)
-        self._retreat_every = pace.retreat_every
+        self._retreat_every = PaceSettings().retreat_every
         self._frame, self._retreat_frame = 0, -self._retreat_every
 
     @property

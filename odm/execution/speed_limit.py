@@ -15,7 +15,7 @@ Here S, v_h and v_r are those of each pair of a cover sphere and a part of the p
 along the line between the two: a robot that goes past or away is not slowed. A speed
 that cannot be measured counts as 1.6 m/s.
 
-This is a planner's measure, which makes it calm beside people. It is not a certified
+This is a planner's measure, which makes it gentle beside people. It is not a certified
 safety function: nothing here is redundant or monitored, and the speed is never brought
 below `least_speed`, which the standard's formula would ask for at a hand-over (there
 its limits of power and force apply, which are not computed here). That the robot can

@@ -14,13 +14,13 @@ from that by at most 2 e / W. So after a time t the end is within
     R(t) = e + (2 e / W + a W / 2) t + a t^2 / 2 + j t^3 / 6
 
 of p(0) + v t; it gets there if it speeds up as hard as it can all the time. Somebody
-who is calm now is known to be calm for the moment, and not for a second: a robot that
-takes 0.3 s to stop has to expect more of them than one that takes 0.04 s. The last term
-makes nobody faster than a part whose velocity is not known may be, in any direction; so
-it adds to R(t) no more than to e + (`speed` + |v|) t. The window is the frame that
-makes the second term least, W = 2 sqrt(e / a) if there is one; without noise the
-frame before. At all times from b to c, the end is within R(c) + |v| (c - b) / 2 of
-where v leads it by the middle of them.
+who moves gently now does so for the moment, not for a second: a robot that takes 0.3 s
+to stop has to expect more of them than one that takes 0.04 s. The last term makes
+nobody faster than a part whose velocity is not known may be, in any direction; so it
+adds to R(t) no more than to e + (`speed` + |v|) t. The window is the frame that makes
+the second term least, W = 2 sqrt(e / a) if there is one; without noise the frame
+before. At all times from b to c, the end is within R(c) + |v| (c - b) / 2 of where v
+leads it by the middle of them.
 
 The capsule. It is all points within its radius r of the segment between its ends. Let
 each end be within R of where it is expected. A place of the axis, (1 - s) a + s b, is
@@ -83,7 +83,7 @@ class ThreatSettings(CheckedSettings):
             a person.
         jerk: How fast that bound grows from now on [m/s3], up to `speed`. That reach
             has 47 at most, people at work several hundred for a moment. 0: for a person
-            who is calm, and stays so (decision 0104).
+            who moves gently, and goes on to (decision 0104).
         noise: Bound on the error of a measured capsule end [m]. 0 suits a simulated
             person, whose capsules are exact; 0.001 to 0.003 a marker system; 0.02 and
             more a skeleton from one depth camera.
@@ -356,18 +356,18 @@ class Threat:
 
 
 @dataclass(frozen=True, eq=False)
-class PartlyCalm:
+class SteadyParts:
     """A person some parts of whom speed up no harder from now on than so far.
 
     All parts are told, in their order: who tests them may know each by its number.
 
     Attributes:
         threat: The person.
-        calm: (k,) which parts do not speed up harder.
+        steady: (k,) which parts do not speed up harder.
     """
 
     threat: Threat
-    calm: np.ndarray
+    steady: np.ndarray
 
     @cached_property
     def _so_far(self) -> Threat:
@@ -376,8 +376,8 @@ class PartlyCalm:
     def between(self, begin: float, end: float) -> tuple[Obstacles, float]:
         """Return capsules that hold the person at all times; see `Threat.between`."""
         there, more = self.threat.between(begin, end)
-        calm, less = self._so_far.between(begin, end)
-        there.capsules[self.calm] = calm.capsules[self.calm]
+        so_far, less = self._so_far.between(begin, end)
+        there.capsules[self.steady] = so_far.capsules[self.steady]
         return there, max(more, less)
 
     def displacement_bound(self, time: float) -> float:

@@ -13,7 +13,7 @@ from odm.frame.last_phase import LastPhase
 from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import short_ways
+from roadmap.kinematics.forward import unwrapped
 
 
 class PathTest:
@@ -37,7 +37,7 @@ class PathTest:
         frame = self.frame
         path = check_path(frame.robot, path)
         if frame.robot.continuous.any():
-            path = short_ways(frame.robot, path)
+            path = unwrapped(frame.robot, path)
         if np.ndim(extra) > 0:
             raise BadInput("extra is an array; give metres, and points after it")
         if not isinstance(extra, Real | np.ndarray):

@@ -40,7 +40,7 @@ class Standing(NamedTuple):
     solids: Solids
 
 
-class Thing:
+class ShapeGroup:
     """Shapes, or surfaces, in a frame of their own: made once, placed anywhere.
 
     Spheres, capsules, cylinders, boxes and convex meshes of at most 200 faces

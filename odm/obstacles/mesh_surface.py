@@ -4,9 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from odm.obstacles._surfaces import greedy_cover
+from odm.obstacles._surfaces import cover_lists, greedy_cover
 from roadmap.errors import BadInput
-from roadmap.geometry._cover_lists import cover_lists
 
 _FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
 FRAME_FINE = 4.0  # ... of a mesh first seen in a frame: 9 % more points, in a third

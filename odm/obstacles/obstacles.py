@@ -15,6 +15,7 @@ from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.errors import BadInput
+from roadmap.geometry.solids import hull_facets
 from roadmap.ranges import check_kind
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
@@ -314,20 +315,15 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
     Who makes obstacles anew each frame has the same meshes in them, as a rule: their
     samples take 4 to 100 ms, by their size; to know them again takes microseconds.
     """
-    from scipy.spatial import ConvexHull, QhullError
+    from scipy.spatial import QhullError
 
     corners = np.frombuffer(vertices).reshape(-1, 3)
     try:
-        hull = ConvexHull(corners)
+        facets = hull_facets(corners)
     except QhullError:
         return None
-    used = np.unique(hull.simplices)
-    kept = np.ascontiguousarray(corners[used])
-    triangles = np.searchsorted(used, hull.simplices)
-    a, b, c = (kept[triangles[:, i]] for i in range(3))
-    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
-    triangles[inward] = triangles[inward][:, [0, 2, 1]]
-    return Hull(kept, triangles)
+    used, triangles = np.unique(facets, return_inverse=True)
+    return Hull(np.ascontiguousarray(corners[used]), triangles.reshape(-1, 3))
 
 
 _NONE = 0  # of the default; most frames have capsules and nothing else

@@ -9,6 +9,7 @@ import numpy as np
 from odm.checks import as_floats
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.geometry.solids import hull_facets
 from roadmap.ranges import is_between
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 from roadmap.transforms import check_pose, pose_with, rotation_to_z
@@ -170,25 +171,19 @@ class Mesh(_Posed):
     def hull_of(cls, points: np.ndarray, T_base_shape: np.ndarray) -> "Mesh":
         """Return the convex hull of points (n, 3) [m] in the shape's frame.
 
-        scipy's facets are turned one way or the other; here all face outwards.
-
         Raises:
             BadInput: The points lie in a plane, or are not finite.
         """
-        from scipy.spatial import ConvexHull, QhullError
+        from scipy.spatial import QhullError
 
         points = as_floats("the points of a hull", points)
         try:
-            hull = ConvexHull(points)
+            faces = hull_facets(points)
         except (QhullError, ValueError) as error:
             raise BadInput(
                 f"{len(points)} points have no convex hull: give four or more finite "
                 "ones that do not lie in a plane"
             ) from error
-        a, b, c = (points[hull.simplices[:, k]] for k in range(3))
-        outward = hull.equations[:, :3]
-        inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), outward) < 0.0
-        faces = np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
         return cls(points, faces, T_base_shape)
 
     @classmethod

@@ -90,10 +90,12 @@ class Connector:
         `moves`: the robot was a little elsewhere in the frame before.
         """
         left, s = self._left(), self.settings
-        if not self._is_asked() or (left <= 0 and self.frame.number % s.rest > 0):
+        if not self._is_asked() or (
+            left <= 0 and self.frame.number % s.search_every > 0
+        ):
             return None
-        part = 0 if moves else min(self.budget // s.part, left)
-        part = max(1, self.budget // s.again, part)
+        part = 0 if moves else min(self.budget // s.frames_at_first, left)
+        part = max(1, self.budget // s.later_divisor, part)
         found = self._search(part, min(part, self.budget // 4, s.shorten))
         return self._free_path(q, False) if found else None
 

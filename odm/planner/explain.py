@@ -57,7 +57,7 @@ class Reasons:
         self.q = frame.q.copy()
 
     @cached_property
-    def told(self) -> tuple[str, Blockers]:
+    def explained(self) -> tuple[str, Blockers]:
         """The reason and what stands behind it."""
         self.frame.memory.owner.check()
         if self._unable is not None:
@@ -67,7 +67,7 @@ class Reasons:
         return self._blocked()
 
     @cached_property
-    def led(self) -> np.ndarray | None:
+    def retreat(self) -> np.ndarray | None:
         """A motion that gets away from the points, or None."""
         self.frame.memory.owner.check()
         if self._unable is not None or self._is_over:

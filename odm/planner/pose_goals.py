@@ -13,7 +13,7 @@ from odm.obstacles.grid import bounding_ball
 from odm.planner.settings import PoseSettings
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, wrapped
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
@@ -140,7 +140,7 @@ class PoseGoals:
         From so many times the seeds of the settings, and as many times `enough`.
         """
         pose = np.concatenate([T[:3, :3].ravel(), T[:3, 3]])
-        seeds, enough = times * self.settings.seeds, times * self.settings.enough
+        seeds, enough = times * self.settings.seeds, times * self.settings.max_solutions
         near = self._near.nearest(pose, min(seeds, len(self._nodes)))
         kept, n = np.empty((enough, self._robot.dof)), 0
         best, at = (np.inf, np.inf), self._nodes[near[0]]
@@ -148,7 +148,7 @@ class PoseGoals:
         if np.isfinite(self._frame.q).all():
             starts = np.vstack([self._frame.q, starts])
         # from there once more, if all were too short
-        long = list(starts[: self.settings.long])
+        long = list(starts[: self.settings.long_descents])
         for k, start in enumerate([*starts, *long]):
             if n == enough or (n and k >= len(starts)):
                 break
@@ -158,20 +158,13 @@ class PoseGoals:
             else:
                 _, off, turned = self._tool.reach(pose, q)
             if off <= tolerance[0] and turned <= tolerance[1]:
-                q = self._in_half_a_turn(q)
+                q = wrapped(self._robot, q)
                 if self._is_inside(q) and not self._is_known(q, kept[:n]):
                     kept[n] = q
                     n += 1
             elif off + LENGTH * turned < sum(best):
                 best, at = (off, LENGTH * turned), q
         return kept[:n], None if n else self._why(T, best, at)
-
-    def _in_half_a_turn(self, q: np.ndarray) -> np.ndarray:
-        """Return q with its continuous joints within half a turn either way."""
-        if not self._turns:
-            return q
-        turns = 2.0 * np.pi * np.round(q / (2.0 * np.pi))
-        return np.where(self._robot.continuous, q - turns, q)
 
     def _is_inside(self, q: np.ndarray) -> bool:
         robot = self._robot
@@ -181,7 +174,7 @@ class PoseGoals:
     def _is_known(self, q: np.ndarray, others: np.ndarray) -> bool:
         """Return whether one of `others` (k, dof) is the same solution as q."""
         off = difference(self._robot, q, others) if self._turns else others - q
-        return bool((np.abs(off).max(axis=1) < self.settings.same).any())
+        return bool((np.abs(off).max(axis=1) < self.settings.same_within).any())
 
     def _why(self, T: np.ndarray, best: tuple[float, float], q: np.ndarray) -> str:
         """Say why a pose has no solution."""

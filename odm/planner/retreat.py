@@ -46,7 +46,7 @@ class Retreat:
         now = frame.separation(q)
         if now > s.near:
             return None
-        best, found = now + s.gain, None
+        best, found = now + s.min_gain, None
         escape = self._place_anchor(q)
         for node in self.attacher.nearest(q, s.tried):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
@@ -93,12 +93,12 @@ class Retreat:
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None
-        times = np.array([max(0.0, t - s.sets_off_s) for t, _ in coming])
+        times = np.array([max(0.0, t - s.reaction_s) for t, _ in coming])
         fastest = speed_scale * frame.robot.max_velocity
-        ample = frame.keep + s.ample
+        ample = frame.keep + s.ample_margin
         expected = _Expected(frame, *there, times, fastest, ample)
         stays = expected.better(q, np.zeros((1, len(q))), 0, -np.inf)
-        best, found = stays[1] + s.worth, None
+        best, found = stays[1] + s.min_evasion_gain, None
         if best >= ample:
             return None
         escape = self._place_anchor(q)

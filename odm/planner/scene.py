@@ -10,7 +10,7 @@ import numpy as np
 from odm.close_test.close_test import NO_SOLIDS
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Frame
-from odm.frame.place import Standing, Thing
+from odm.frame.place import ShapeGroup, Standing
 from odm.obstacles.scene_files import read_scene, write_scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import Surface
@@ -66,7 +66,7 @@ class Scene:
     ) -> None:
         self._frame, self._carrier, self._changed = frame, carrier, changed
         self._objects: dict[str, SceneObject] = {}
-        self._things: dict[str, Thing] = {}
+        self._things: dict[str, ShapeGroup] = {}
         self._p_world_static: np.ndarray | None = None
         self.outside = 0  # points that lie outside the grid
 
@@ -95,7 +95,7 @@ class Scene:
         """
         self._frame.memory.owner.check()
         name = self._new_name(name)
-        made = Thing(name, _parts(name, thing), self._frame.rho)
+        made = ShapeGroup(name, _parts(name, thing), self._frame.rho)
         T = np.array(check_pose(np.eye(4) if T is None else T, "T"))
         standing = _in_reach(made.at(self._in_base(T)))
         with self._frame.memory.owner.changing("scene.add"):
@@ -161,7 +161,9 @@ class Scene:
             raise BadInput(
                 f"{path} names two objects {twice[0]!r}; give each a name of its own"
             )
-        made = [Thing(name, tuple(parts), self._frame.rho) for name, parts, _ in read]
+        made = [
+            ShapeGroup(name, tuple(parts), self._frame.rho) for name, parts, _ in read
+        ]
         places = [T @ pose for *_, pose in read]
         for thing, pose in zip(made, places, strict=True):
             thing.at(self._in_base(pose))  # refuses what is too large
@@ -266,7 +268,7 @@ class Scene:
     def _in_base(self, T_world: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(self._frame.base_world @ T_world)
 
-    def _put(self, made: Thing, T_world: np.ndarray, standing: Standing) -> None:
+    def _put(self, made: ShapeGroup, T_world: np.ndarray, standing: Standing) -> None:
         """Let a thing stand there, where it was or for the first time."""
         name, pose = made.name, frozen(T_world, np.float64)
         self._things[name] = made

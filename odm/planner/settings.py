@@ -124,20 +124,20 @@ class ConnectSettings(CheckedSettings):
 
     Attributes:
         shorten: Configurations spent on shortening a path that was found.
-        part: A frame spends this part of `PlannerSettings.search` until all is spent,
-        again: ... then, and where the robot moves, this part,
-        rest: ... and once all is spent in one place, only every `rest`-th frame
-            searches.
-        join_every: Every so many frames a standing robot is joined to a found path's
-            corners,
-        joins: ... to so many of them.
+        frames_at_first: `PlannerSettings.search` is spent in about so many frames.
+        later_divisor: Then, and while the robot moves, a frame spends
+            `PlannerSettings.search` over this.
+        search_every: Once all is spent at one place, one frame in so many searches.
+        join_every: Frames from joining a standing robot to corners of a found path to
+            joining it again.
+        joins: To how many corners.
         per_test: Configurations for each motion that `improve` may test.
     """
 
     shorten: int = setting(250, 1, 10_000)
-    part: int = setting(8, 1, 10_000)
-    again: int = setting(16, 1, 10_000)
-    rest: int = setting(8, 1, 10_000)
+    frames_at_first: int = setting(8, 1, 10_000)
+    later_divisor: int = setting(16, 1, 10_000)
+    search_every: int = setting(8, 1, 10_000)
     join_every: int = setting(4, 1, 10_000)
     joins: int = setting(3, 1, 10_000)
     per_test: int = setting(250, 1, 10_000)
@@ -150,7 +150,7 @@ class ImproveSettings(CheckedSettings):
     Attributes:
         look_every: Frames between two looks for a better path or goal.
         join_takes: Tests that the robot's join to the roadmap takes as long as.
-        cut_saves: A cut must save this share of the length of what it replaces.
+        min_cut_saving: A cut must save this share of the length of what it replaces.
         items_per_test: Nodes and edges near what was added to the scene that are
             tested for each test in the budget.
         nodes_at_first: Near nodes that the first frame without a path at a place looks
@@ -159,7 +159,7 @@ class ImproveSettings(CheckedSettings):
 
     look_every: int = setting(8, 1, 10_000)
     join_takes: int = setting(3, 1, 10_000)
-    cut_saves: float = setting(0.02, 0.0, 1.0)
+    min_cut_saving: float = setting(0.02, 0.0, 1.0)
     items_per_test: int = setting(4, 1, 10_000)
     nodes_at_first: int = setting(4, 1, 10_000)
 
@@ -169,23 +169,23 @@ class SmoothingSettings(CheckedSettings):
     """Which changes of a path are weighed, and made (`smooth.Smoother`).
 
     Attributes:
-        worth: Share of the rest's time that a change must save.
-        much: The same for a change that does not keep the smoothing clearance.
-        pace: Share of the joints' speed limits that the robot is expected to use.
-        lead_s: The part of the path that is reached within this time stays [s].
+        min_saving: Share of the rest's time that a change must save.
+        min_saving_near: The same for one that does not keep the smoothing clearance.
+        speed_share: Share of the joints' speed limits that the robot will use.
+        kept_s: The part of the path that is reached within this time stays [s].
         draws: Changes weighed for each one that is tested, which costs far more.
-        detour: A rest shorter than this times the straight way to the goal stays.
-        wait: Frames until a straight way that was blocked is tested again.
+        min_detour: A rest that is shorter, over the straight motion to the goal, stays.
+        retry_frames: Frames until a straight motion that was blocked is tested again.
         corners: Corners of the roadmap at which it is measured what rounding gains.
     """
 
-    worth: float = setting(0.01, 0.0, 1.0)
-    much: float = setting(0.3, 0.0, 1.0)
-    pace: float = setting(0.5, 0.01, 1.0)
-    lead_s: float = setting(0.05, 0.0, 10.0, "s")
+    min_saving: float = setting(0.01, 0.0, 1.0)
+    min_saving_near: float = setting(0.3, 0.0, 1.0)
+    speed_share: float = setting(0.5, 0.01, 1.0)
+    kept_s: float = setting(0.05, 0.0, 10.0, "s")
     draws: int = setting(40, 1, 10_000)
-    detour: float = setting(1.1, 1.0, 100.0)
-    wait: int = setting(8, 1, 10_000)
+    min_detour: float = setting(1.1, 1.0, 100.0)
+    retry_frames: int = setting(8, 1, 10_000)
     corners: int = setting(128, 1, 10_000)
 
 
@@ -195,23 +195,24 @@ class RetreatSettings(CheckedSettings):
 
     Attributes:
         near: Points farther than this are no reason to back off [m].
-        gain: Separation that backing off must gain [m].
+        min_gain: Separation that backing off must gain [m].
         tried: Directions that are tried: towards this many of the nearest nodes.
         shares: Shares of the motion to such a node, the largest first.
-        ample: An evasion that keeps this much more than needed is taken at once [m].
-        worth: Separation that an evasion must gain over standing still [m].
+        ample_margin: An evasion that keeps so much more than needed is taken at once
+            [m].
+        min_evasion_gain: Separation that an evasion must gain over standing still [m].
         directions: Directions that an evasion looks at.
-        sets_off_s: Time that the robot takes to begin to move [s].
+        reaction_s: Time that the robot takes to begin to move [s].
     """
 
     near: float = setting(0.15, 0.0, 10.0, "m")
-    gain: float = setting(0.01, 0.0, 10.0, "m")
+    min_gain: float = setting(0.01, 0.0, 10.0, "m")
     tried: int = setting(12, 1, 10_000)
     shares: tuple[float, ...] = setting((1.0, 0.5, 0.25), 0.001, 1.0)
-    ample: float = setting(0.12, 0.0, 10.0, "m")
-    worth: float = setting(0.03, 0.0, 10.0, "m")
+    ample_margin: float = setting(0.12, 0.0, 10.0, "m")
+    min_evasion_gain: float = setting(0.03, 0.0, 10.0, "m")
     directions: int = setting(24, 1, 10_000)
-    sets_off_s: float = setting(0.06, 0.0, 10.0, "s")
+    reaction_s: float = setting(0.06, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)
@@ -221,13 +222,13 @@ class PoseSettings(CheckedSettings):
     Attributes:
         seeds: Roadmap nodes, the nearest by tool pose, that descents start from.
         steps: Steps of a descent: from near it takes about 5.
-        long: Descents of more steps, where no quick one arrives.
-        enough: Solutions of a pose that are looked at.
-        same: Solutions nearer than this in all joints are one [rad or m].
+        long_descents: Descents of more steps, where no quick one arrives.
+        max_solutions: Solutions of a pose that are looked at.
+        same_within: Solutions nearer than this in all joints are one [rad or m].
     """
 
     seeds: int = setting(24, 1, 10_000)
     steps: int = setting(16, 1, 10_000)
-    long: int = setting(4, 1, 10_000)
-    enough: int = setting(12, 1, 10_000)
-    same: float = setting(0.15, 0.0, 10.0)
+    long_descents: int = setting(4, 1, 10_000)
+    max_solutions: int = setting(12, 1, 10_000)
+    same_within: float = setting(0.15, 0.0, 10.0)

@@ -68,5 +68,5 @@ class Cutter:
         weights = self.frame.cell_map.roadmap.weights
         corners = np.concatenate([q_a[None], self.path.q[i + 1 : j + 1]])
         now = np.linalg.norm(np.diff(corners, axis=0) * weights, axis=1).sum()
-        most = (1.0 - self.settings.cut_saves) * now
+        most = (1.0 - self.settings.min_cut_saving) * now
         return bool(np.linalg.norm(dq * weights) < most)

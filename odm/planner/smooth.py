@@ -91,7 +91,7 @@ class Smoother:
         self.history_clearance = wanted.history_clearance if wanted.history_s else 0.0
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
-            settings.pace * robot.max_velocity,
+            settings.speed_share * robot.max_velocity,
             robot.max_acceleration,
             robot.max_jerk,
             joint_motion_bounds(robot),
@@ -142,9 +142,11 @@ class Smoother:
         weights = self.frame.cell_map.roadmap.weights
         rest = np.vstack([q[None], path.q[at + 1 : last + 1]])
         length = np.linalg.norm(np.diff(rest, axis=0) * weights, axis=1).sum()
-        if length < self.settings.detour * np.linalg.norm((corners[1] - q) * weights):
+        if length < self.settings.min_detour * np.linalg.norm(
+            (corners[1] - q) * weights
+        ):
             return -1
-        self._next = now + self.settings.wait
+        self._next = now + self.settings.retry_frames
         return self._try(change)
 
     def _turn(self, ahead: np.ndarray | None) -> tuple[int, float]:
@@ -156,7 +158,7 @@ class Smoother:
         if ((own.before if ahead is None else ahead) == own.q).all():  # it stands
             return at, self._share
         leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
-        share = self._share + self.settings.lead_s / max(float(leg.max()), 1e-9)
+        share = self._share + self.settings.kept_s / max(float(leg.max()), 1e-9)
         return (at, share) if share < 1.0 else (at + 1, 0.0)
 
     def run(self, budget: int, ahead: np.ndarray | None = None) -> int:
@@ -184,7 +186,12 @@ class Smoother:
         """Return the next change that is worth a test, of at most so many."""
         rest = smoothing.Rest(self.path.q, self._at, len(self.path) - 1, self._share)
         self._drawn, found = smoothing.next_change(
-            rest, self._terms, self._scratch, self._drawn, most, self.settings.worth
+            rest,
+            self._terms,
+            self._scratch,
+            self._drawn,
+            most,
+            self.settings.min_saving,
         )
         if not found:
             return None
@@ -202,7 +209,7 @@ class Smoother:
         leg = path.q[at + 1] - path.q[at]
         off = frame.difference(path.q[at], frame.q)
         done = float(off @ leg) / max(float(leg @ leg), 1e-12)
-        done, left = min(max(done, 0.0), 1.0), self.settings.lead_s
+        done, left = min(max(done, 0.0), 1.0), self.settings.kept_s
         while at < len(path) - 1:
             leg = path.q[at + 1] - path.q[at]
             time = float((np.abs(leg) / frame.robot.max_velocity).max())
@@ -224,7 +231,7 @@ class Smoother:
         legs = list(zip(begin, dq, strict=True))
         wide = self._clear(legs, self.smoothing_clearance)
         if not wide:
-            if self._saves(change) < self.settings.much or not self._clear(
+            if self._saves(change) < self.settings.min_saving_near or not self._clear(
                 legs, self.history_clearance
             ):
                 return 0

@@ -74,3 +74,18 @@ def hull_corners(points: np.ndarray) -> np.ndarray:
     from scipy.spatial import ConvexHull  # what needs no hull need not load it
 
     return points[ConvexHull(points).vertices]
+
+
+def hull_facets(points: np.ndarray) -> np.ndarray:
+    """Return the triangles (m, 3) int of the hull of points (n, 3), turned outwards.
+
+    qhull, whose error it passes on where points lie in a plane, turns them either way.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points)
+    facets = hull.simplices.astype(np.int64)
+    a, b, c = (points[facets[:, k]] for k in range(3))
+    inward = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    facets[inward] = facets[inward][:, [0, 2, 1]]
+    return facets

@@ -49,7 +49,7 @@ def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.nda
     return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
 
 
-def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
+def unwrapped(robot: JointTree, path: np.ndarray) -> np.ndarray:
     """Return corners (k, dof), each by the shorter turn from the one before."""
     with np.errstate(invalid="ignore"):  # after what is infinite nothing is known
         legs = difference(robot, path[:-1], path[1:])
@@ -57,11 +57,14 @@ def short_ways(robot: JointTree, path: np.ndarray) -> np.ndarray:
 
 
 def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
-    """Return q (..., dof) with its continuous joints in [-pi, pi), copied."""
+    """Return q (..., dof) with its continuous joints in [-pi, pi), copied.
+
+    Those that are there already stay as they are, to the last bit.
+    """
     if not robot.continuous.any():
         return np.array(q, float)
-    turned = (q + np.pi) % (2 * np.pi) - np.pi
-    return np.where(robot.continuous, turned, q)
+    turns = np.floor((q + np.pi) / (2 * np.pi))
+    return np.where(robot.continuous, q - 2 * np.pi * turns, q)
 
 
 def motion_per_joint(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.arrays import frozen
-from roadmap.kinematics.forward import checked, difference, tool_pose
+from roadmap.kinematics.forward import checked, difference, tool_pose, wrapped
 from roadmap.kinematics.joint_tree import JointTree
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.transforms import check_pose, flat_pose
@@ -86,10 +86,7 @@ def solve(
 def _add(
     robot: JointTree, found: list[IkSolution], q: np.ndarray, T: np.ndarray
 ) -> None:
-    turn = 2 * np.pi
-    wrapped = q - turn * np.round(q / turn)
-    q = np.where(robot.continuous, wrapped, q)
-    q = np.clip(q, robot.lower, robot.upper)
+    q = np.clip(wrapped(robot, q), robot.lower, robot.upper)
     if any(np.abs(difference(robot, s.q, q)).max() < 1e-3 for s in found):
         return
     reached = tool_pose(robot, q)

@@ -17,7 +17,7 @@ from roadmap.kinematics.joint_tree import (
     REVOLUTE,
     JointTree,
 )
-from roadmap.transforms import flat_pose, pose_of_flat, pose_with
+from roadmap.transforms import flat_pose, pose_of_flat, pose_with, rotation_to_z
 
 _LENGTH = 0.3  # [m] counts as much as 1 rad in the dexterity, which is not asked for
 _SCALE = 0.1  # [m or rad] that counts as 1 where a descent compares errors
@@ -41,7 +41,7 @@ def tool_chain(robot: JointTree) -> tuple[ChainArrays, list[int]]:
         T = T @ pose_of_flat(f[:12])
         if robot.tree_i[body, KIND] not in (REVOLUTE, PRISMATIC):
             continue
-        turn = pose_with(_z_to(f[12:15]))
+        turn = pose_with(rotation_to_z(f[12:15]))
         fixed.append(flat_pose(T @ turn))
         joint = int(robot.tree_i[body, JOINT])
         rows += [] if joint in rows else [joint]
@@ -128,11 +128,3 @@ class ToolDescent:
         q[self._rows] = work.q
         x, y, z, u, v, w = (self._scales * work.error).tolist()
         return math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
-
-
-def _z_to(axis: np.ndarray) -> np.ndarray:
-    """Return a rotation whose z axis is `axis`."""
-    z = np.asarray(axis, float)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)

@@ -7,6 +7,7 @@ import numpy as np
 
 from roadmap.loading.body_tree import BodyTree, drive
 from roadmap.robot.description import MOVABLE, Description, Joint
+from roadmap.transforms import joint_motion
 
 _SAG = 5e-4  # [m] what a hull is grown by, where poses enough can be had
 _BULGE = 5e-3  # [m] an arc that leaves its chord by more is held by several hulls
@@ -50,7 +51,11 @@ class Carried:
         T = np.broadcast_to(np.eye(4), (len(values), 4, 4))
         for step in self.steps:
             value = step.factor * values[:, step.driver] + step.offset
-            T = T @ step.T_before @ _motions(step.joint, value)
+            T = (
+                T
+                @ step.T_before
+                @ joint_motion(step.joint.kind, step.joint.axis, value)
+            )
         return T @ self.T_last_link
 
     def derivatives(self, radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -124,7 +129,7 @@ def carried_links(
                 T = np.eye(4)
             elif name:
                 value = factor * tree.fixed_values[name] + offset
-                T = T @ _motions(joint, np.array([value]))[0]
+                T = T @ joint_motion(joint.kind, joint.axis, value)
         if steps:
             joints = [description.joints[name] for name in names]
             lower, upper = np.array([(j.lower, j.upper) for j in joints], float).T
@@ -136,16 +141,3 @@ def has_limits(joint: Joint) -> bool:
     """Say if a joint has two limits."""
     ends = joint.kind != "continuous", joint.lower is not None, joint.upper is not None
     return all(ends)
-
-
-def _motions(joint: Joint, values: np.ndarray) -> np.ndarray:
-    """Return the motion (n, 4, 4) of a joint for values (n,) [rad or m]."""
-    T = np.tile(np.eye(4), (len(values), 1, 1))
-    if joint.kind == "prismatic":
-        T[:, :3, 3] = values[:, None] * joint.axis
-        return T
-    x, y, z = joint.axis
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    s, c = np.sin(values)[:, None, None], np.cos(values)[:, None, None]
-    T[:, :3, :3] += s * K + (1 - c) * (K @ K)
-    return T

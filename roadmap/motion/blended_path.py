@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import short_ways
+from roadmap.kinematics.forward import unwrapped
 from roadmap.motion.blending import (
     Piece,
     blend_path,
@@ -261,7 +261,7 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
             f"a path has the shape {path.shape}; give (k, {robot.dof}) corners, k >= 1"
         )
     check_values(robot, path, "the path")
-    return _apart(short_ways(robot, path))
+    return _apart(unwrapped(robot, path))
 
 
 def _apart(path: np.ndarray) -> np.ndarray:

@@ -118,9 +118,9 @@ class Browser:
         """Return a new tab, of a window of so many pixels."""
         with urlopen(f"http://127.0.0.1:{self._port}/json/version") as answer:
             browser = json.load(answer)["webSocketDebuggerUrl"]
-        door = _Door(browser)
-        page = door.ask("Target.createTarget", url="about:blank")["targetId"]
-        door.close()
+        connection = _Connection(browser)
+        page = connection.ask("Target.createTarget", url="about:blank")["targetId"]
+        connection.close()
         return Tab(f"ws://127.0.0.1:{self._port}/devtools/page/{page}", size, mobile)
 
     def cpu_s(self) -> float:
@@ -136,7 +136,7 @@ class Browser:
         return ticks / os.sysconf("SC_CLK_TCK")
 
 
-class _Door:
+class _Connection:
     """Questions and answers of the protocol; events are left unread."""
 
     def __init__(self, address: str) -> None:
@@ -171,7 +171,7 @@ class Tab:
 
     def __init__(self, address: str, size: tuple[int, int], mobile: bool) -> None:
         """Lay it out."""
-        self._door = _Door(address)
+        self._connection = _Connection(address)
         width, height = size
         self._ask("Page.enable")
         self._ask(
@@ -184,7 +184,7 @@ class Tab:
         self._ask("Page.addScriptToEvaluateOnNewDocument", source=_COUNT)
 
     def _ask(self, method: str, **told: object) -> dict:
-        return self._door.ask(method, **told)
+        return self._connection.ask(method, **told)
 
     def open(
         self, address: str, until: str, limit_s: float = 120.0, canvas: bool = True
@@ -278,5 +278,5 @@ class Tab:
 
     def close(self) -> None:
         """Leave."""
-        self._door.ask("Page.close")
-        self._door.close()
+        self._connection.ask("Page.close")
+        self._connection.close()

@@ -88,7 +88,9 @@ class BenchRequest:
         "Times each run is played; of a frame the least counts (story).",
         limits=_COUNT,
     )
-    own: bool = flag(False, "Scenes of our own (handover).", "--own")
+    varied: bool = flag(
+        False, "Other scenes than the paper's, drawn by seed (handover).", "--varied"
+    )
     workers: int | None = flag(
         None,
         "Build on so many processes, too (build).",

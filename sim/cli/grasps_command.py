@@ -27,7 +27,7 @@ class GraspsRequest:
     )
     mass: float | None = flag(
         None,
-        "Of a mesh file, kg.",
+        "Mass of the object of a mesh file, kg.",
         limits=Limits(0.0, 100.0, "kg", above=True, hint="such as 0.3"),
     )
     scale: float = flag(

@@ -24,11 +24,13 @@ class HandRequest:
     side: Side = "right"
     spacing: float = flag(
         0.02,
-        "Between the places, m.",
+        "Distance between the places, m.",
         limits=Limits(0.005, 0.2, "m", hint="2 cm are 0.02"),
     )
     rotations: int = flag(
-        1944, "Of the hand, tried at each place: 72, 576, 1944...", limits=ROTATIONS
+        1944,
+        "Rotations of the hand tried at each place: 72, 576, 1944...",
+        limits=ROTATIONS,
     )
     plot: Path | None = flag(None, "Draw the cuts.", writes=PICTURE)
     json: Json = None

@@ -1,4 +1,4 @@
-"""The `odm` command: one door to everything; each command says more with --help.
+"""The `odm` command: one entry to everything; each command says more with --help.
 
 Commands import what they need when they run, so that `odm --help` answers at once.
 """
@@ -29,7 +29,7 @@ from sim.cli import (
 )
 from sim.terminal import interrupt
 from sim.terminal.output import MISTAKE, guarded, no_room
-from sim.terminal.words import mistake, nothing_given, with_new_names, with_targets
+from sim.terminal.words import mistake, nothing_given, with_targets
 
 app = typer.Typer(
     name="odm",
@@ -114,11 +114,11 @@ _add_commands(app, COMMANDS)
 
 
 @cache
-def _door() -> "typer.core.TyperGroup":
+def _group() -> "typer.core.TyperGroup":
     """Return the tree of all commands, made once a process."""
-    door = typer.main.get_command(app)
-    _fill_lines(door)
-    return door
+    group = typer.main.get_command(app)
+    _fill_lines(group)
+    return group
 
 
 def _fill_lines(command: "typer.core.TyperCommand | typer.core.TyperGroup") -> None:
@@ -137,16 +137,16 @@ def main() -> None:
     sentence; 130: Ctrl-C, 143: SIGTERM, see `sim.terminal.interrupt`.
     """
     with interrupt.interruptible():
-        door = _door()
-        words = with_targets(with_new_names(sys.argv[1:]), door)
+        group = _group()
+        words = with_targets(sys.argv[1:], group)
         if told := nothing_given(words):
             print(told, file=sys.stderr)
             sys.exit(MISTAKE)
         try:
-            code = door.main(words, prog_name="odm", standalone_mode=False)
+            code = group.main(words, prog_name="odm", standalone_mode=False)
             sys.stdout.flush()
         except Exception as error:
-            told = no_room(error) or mistake(error, words, door)
+            told = no_room(error) or mistake(error, words, group)
             if told is None:
                 raise
             if told:

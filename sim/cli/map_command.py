@@ -59,7 +59,7 @@ def info(request: InfoRequest) -> None:
         cell_map = load_map(request.map_dir)
         facts = describe.facts(cell_map, tell, request.overhead)
         if request.plot is not None:
-            from sim.draw.coverage import plot_map
+            from sim.draw.map_picture import plot_map
 
             tell("picture", 0, 1)
             facts["plot"] = str(plot_map(cell_map, request.plot))
@@ -77,7 +77,7 @@ class AuditRequest:
     payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
     sabotage: str | None = flag(
         None,
-        "Take this away: the audit must fail.",
+        "Take this term of the proof away: the audit must fail.",
         metavar="rho|mu|sphere|certificate",
     )
     sequences: int | None = flag(

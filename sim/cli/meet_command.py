@@ -9,7 +9,7 @@ from sim.cli.hand_command import place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
-from sim.terminal.flags import Json, Posture, Side, flag, from_request
+from sim.terminal.flags import Json, Lock, Posture, Side, flag, from_request
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
@@ -27,14 +27,9 @@ class MeetRequest:
     tip: str | None = flag(
         None, "Link of the tool, as of its reach map.", metavar="LINK"
     )
-    lock: list[str] | None = flag(
-        None,
-        "Make a joint rigid, as in its reach map, at a value in rad or m; may be "
-        "repeated.",
-        metavar="JOINT=VALUE",
-    )
-    human: float = flag(
-        1.75, "Body height of the person in m, 1.2 to 2.2.", "--height", limits=HEIGHT
+    lock: Lock = None
+    height: float = flag(
+        1.75, "Body height of the person in m, 1.2 to 2.2.", limits=HEIGHT
     )
     distance: list[float] | None = flag(
         None,
@@ -43,19 +38,19 @@ class MeetRequest:
         limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
     )
     aside: float = flag(
-        0.0, "Of the pelvis along the base's y, m.", limits=Limits(-5.0, 5.0, "m")
+        0.0, "Place of the pelvis along the base's y, m.", limits=Limits(-5.0, 5.0, "m")
     )
     turn: float = flag(
         0.0,
-        "0: the person faces the robot; to the left, deg.",
+        "Turn of the person to the left, deg; at 0 they face the robot.",
         limits=Limits(-360.0, 360.0, "deg"),
     )
     posture: Posture = "standing"
     side: Side = "right"
     object_name: str = flag(
-        "wrench", "What is handed.", "--object", metavar="wrench|mallet"
+        "wrench", "The object that is handed over.", "--object", metavar="wrench|mallet"
     )
-    k: int = flag(10, "Targets told.", "--k", min=1, max=100_000)
+    k: int = flag(10, "How many targets are listed.", "--k", min=1, max=100_000)
     cell: float = flag(
         0.15,
         "Side of a position cell, m.",
@@ -70,14 +65,13 @@ class MeetRequest:
         "own base is taller than 0.5 m, else 0.75.",
         limits=Limits(-5.0, 5.0, "m"),
     )
-    map_dir: Path | None = flag(
-        None, "Reach map; maps/built/reach/NAME if left.", "--reach", metavar="DIR"
+    reach: Path | None = flag(
+        None, "Reach map; maps/built/reach/NAME if left.", metavar="DIR"
     )
-    human_map: Path | None = flag(
+    human_reach: Path | None = flag(
         None,
         "Reach map of a person's arm, for the dexterity; left: "
         "maps/built/reach/human where it is, else a coarse one made on the spot.",
-        "--human-reach",
         metavar="DIR",
     )
     plot: Path | None = flag(
@@ -100,7 +94,7 @@ def meet_command(request: MeetRequest) -> None:
 
     distances = request.distance or [0.9]
     obj = held_object(request.object_name)
-    person, turned = Human(request.human, request.posture), math.radians(request.turn)
+    person, turned = Human(request.height, request.posture), math.radians(request.turn)
     people = [person.placed(d, request.aside, math.pi + turned) for d in distances]
     with Bars() as tell:
         robot, reach, arm_map = _loaded(request, tell)
@@ -182,17 +176,17 @@ def _loaded(
     from roadmap import load_robot
     from sim.cli.build_command import parse_locked
 
-    name, human_map = request.robot, request.human_map
+    name, human_reach = request.robot, request.human_reach
     locked = parse_locked(request.lock)
     tell("robot", 0, 1)
     # the cover is not used here
     robot = load_robot(name, tip=request.tip, locked=locked, cover_excess=0.1)
     tell("robot", 1, 1)
-    folder = request.map_dir or REACH_MAPS / Path(name).stem
+    folder = request.reach or REACH_MAPS / Path(name).stem
     reach = load_reach_map(folder, robot=robot)
-    if human_map is None and (REACH_MAPS / "human" / "manifest.json").is_file():
-        human_map = REACH_MAPS / "human"
-    return robot, reach, human_map and load_reach_map(human_map)
+    if human_reach is None and (REACH_MAPS / "human" / "manifest.json").is_file():
+        human_reach = REACH_MAPS / "human"
+    return robot, reach, human_reach and load_reach_map(human_reach)
 
 
 def _settings(robot: "Robot", request: MeetRequest) -> "MeetSettings":

@@ -83,7 +83,7 @@ class ReplayRequest:
     )
     spacing: float | None = flag(
         None,
-        "Of samples on capsules, in m; default: 0.03 or the map's rho.",
+        "Covering radius of samples on capsules, in m; default: 0.03 or the map's rho.",
         limits=Limits(0.0, 0.5, "m", above=True, hint="3 cm are 0.03"),
         panel=_FRAMES,
     )

@@ -13,7 +13,7 @@ import numpy as np
 from odm import CellMap, Recipe
 from odm.audit.clearance import clearance_overhead
 from odm.cell_map.build import robot_of
-from odm.cell_map.chunk_work import Standing, static_test
+from odm.cell_map.chunk_work import StaticTestSpec, static_test
 from odm.cell_map.estimate import free_memory
 from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.static import StaticTest, always_touching
@@ -130,7 +130,7 @@ def probe_roadmap(robot: Robot, recipe: Recipe) -> Probe:
     settings = recipe.roadmap
     scenery = parse_scenery(recipe.scenery, recipe.folder)
     scenery = always_touching(robot, scenery, recipe.safety)
-    test = static_test(Standing(robot, scenery, recipe.safety))
+    test = static_test(StaticTestSpec(robot, scenery, recipe.safety))
     chunks = draw(robot, settings.sampling, settings.seed, settings.nodes, None)
     q, share, node_s = _drawn(test, chunks, settings.nodes)
     rng = np.random.default_rng(0)

@@ -78,10 +78,10 @@ def view(request: ViewRequest) -> None:
     check_viewer()
     token = token_for(request.host, request.token)
     shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
-    door = listening(request.host, request.port)
+    listener = listening(request.host, request.port)
     from sim.view.page import Page
 
-    page = Page(shown, door, request.host, token)
+    page = Page(shown, listener, request.host, token)
     page.playback.seek(request.at)
     silence()  # what it does is seen
     print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)

@@ -19,6 +19,7 @@ from sim.terminal.checks import (
 )
 from sim.terminal.flags import (
     Json,
+    Lock,
     Threads,
     argument,
     flag,
@@ -37,7 +38,7 @@ Poses = Annotated[
         "--recall",
         min=0,
         max=10_000_000,
-        help="Random poses to solve for the recall; 0: not told.",
+        help="Random poses to solve for the recall; 0: no recall.",
     ),
 ]
 
@@ -51,11 +52,7 @@ class ReachRequest:
         None, "The folder; maps/built/reach/NAME if left.", writes=FOLDER
     )
     tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
-    lock: list[str] | None = flag(
-        None,
-        "Make a joint rigid, at a value in rad or m; may be repeated.",
-        metavar="JOINT=VALUE",
-    )
+    lock: Lock = None
     cell: float = flag(
         0.05,
         "Side of a position cell, m.",
@@ -79,14 +76,14 @@ class ReachRequest:
     threads: Threads = 0
     self_collision: bool = flag(
         True,
-        "Whether configurations in self-collision count out.",
+        "Leave out configurations in self-collision.",
         "--self-collision/--no-self-collision",
     )
     workers: int = flag(
         0, "Processes of a Dask cluster made here.", min=0, max=MOST_WORKERS
     )
     scheduler: str | None = flag(
-        None, "Of a Dask cluster that runs.", metavar="tcp://HOST:8786"
+        None, "Scheduler of a running Dask cluster.", metavar="tcp://HOST:8786"
     )
     shared: Path | None = flag(
         None, "Folder that all workers see; results go there.", writes=FOLDER
@@ -200,7 +197,7 @@ def _report(
     reach: "ReachMap", facts: dict, plot: Path | None, json: str | None
 ) -> None:
     if plot is not None:
-        from sim.draw.reach_picture import write_reach_plot
+        from sim.draw.map_picture import write_reach_plot
 
         facts["plot"] = str(write_reach_plot(reach, plot))
     report(facts, json, _show)

@@ -135,17 +135,17 @@ def _bodies(
     return own, beads(result.capsules[frame], 16)
 
 
-def tool_line(robot: Robot, path: np.ndarray, step: float = 0.06) -> np.ndarray:
+def tool_line(robot: Robot, path: np.ndarray) -> np.ndarray:
     """Return (n, 3) places of the tool along a path (k, dof) [m]; empty without legs.
 
-    No joint moves by more than `step` [rad] between two places, of legs of up to 200.
+    No joint moves by more than 0.06 rad between two places, of legs of up to 200.
     """
     if len(path) < 2:
         return np.zeros((0, 3))
     parts = []
     for start, stop in zip(path[:-1], path[1:], strict=True):
         leg = difference(robot, start, stop)
-        count = min(1 + int(np.abs(leg).max() / step), 200)
+        count = min(1 + int(np.abs(leg).max() / 0.06), 200)
         parts += [start + s * leg for s in np.arange(count) / count]
     parts.append(path[-1])
     return np.array([tool_pose(robot, q)[:3, 3] for q in parts])

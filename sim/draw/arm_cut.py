@@ -7,7 +7,6 @@ import numpy as np
 
 from handover import Human
 from handover.meet.places import PlaceQualities, qualities_at
-from handover.meet.settings import QualitySettings
 from sim.draw.silhouette import Silhouette
 from sim.draw.style import (
     AXES,
@@ -70,7 +69,6 @@ def arm_cut(
     normal: int,
     at: float,
     spacing: float,
-    settings: QualitySettings | None = None,
     rotations: int = 576,
     tell: Bars | None = None,
 ) -> Cut:
@@ -88,9 +86,7 @@ def arm_cut(
     points[..., across], points[..., up] = np.meshgrid(x, y)
     flat = points.reshape(-1, 3)
     near = (np.linalg.norm(flat - shoulder, axis=1) <= reach) & (flat[:, 2] > 0.0)
-    found = qualities_at(
-        human, side, flat[near], settings, rotations=rotations, progress=tell
-    )
+    found = qualities_at(human, side, flat[near], rotations=rotations, progress=tell)
     fields = {name: _filled(found, name, near, len(y)) for name in found.best}
     return Cut(normal, float(at), x, y, fields)
 

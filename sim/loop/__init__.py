@@ -1,1 +1,1 @@
-"""The kinematic loop of person, planner and robot, and what happened in it."""
+"""The loop of person, planner and robot, frame by frame, and what happened in it."""

@@ -1,4 +1,4 @@
-"""The kinematic loop: person, planner, robot and exact audit, frame by frame."""
+"""The loop: person, planner, robot and exact audit, frame by frame."""
 
 import time
 from collections.abc import Callable
@@ -87,6 +87,9 @@ class NewPathSettings(CheckedSettings):
     expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
 
 
+_NEW_PATHS = NewPathSettings()
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One turn of the loop, as the robot and the person stood when it began.
@@ -141,7 +144,6 @@ class Loop:
         settings: Rate and speeds.
         pushed: How the robot is pushed, by the seed and the motion's name; None: it
             is not, and is where its set-point is.
-        new_paths: What is done for new paths.
     """
 
     def __init__(
@@ -152,9 +154,8 @@ class Loop:
         motion: HumanMotion | None,
         settings: LoopSettings | None = None,
         pushed: PushSettings | None = None,
-        new_paths: NewPathSettings = NewPathSettings(),
     ) -> None:
-        self.settings, self.new_paths = settings_of(settings, LoopSettings), new_paths
+        self.settings = settings_of(settings, LoopSettings)
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1
@@ -202,7 +203,7 @@ class Loop:
         separation = self._separation(capsules if guess is None else guess)
         escape = self._escapes(answer.status == "holding")
         new = answer.status == "replanned"
-        self._new_path_for = self.new_paths.frames if new else self._new_path_for - 1
+        self._new_path_for = _NEW_PATHS.frames if new else self._new_path_for - 1
         improve_s, improve_cpu_s = self._improve()
         frame = Frame(
             index=self.index,
@@ -274,7 +275,7 @@ class Loop:
         if not (len(capsules) and self.executor.brakes):
             return None
         threat = self._watcher.look(capsules, now)
-        likely = threat.likely(*self.new_paths.expected)
+        likely = threat.likely(*_NEW_PATHS.expected)
         if likely is not None:
             _optional(self.planner, "expect", likely)
         return threat
@@ -310,7 +311,7 @@ class Loop:
         begun, busy = time.perf_counter(), time.thread_time()
         if self.settings.improve:
             ahead = self.executor.next_commit()
-            times = self.new_paths.times if self._new_path_for > 0 else 1
+            times = _NEW_PATHS.times if self._new_path_for > 0 else 1
             most = times * self.settings.improve
             _optional(self.planner, "improve", most, ahead)
         return time.perf_counter() - begun, time.thread_time() - busy

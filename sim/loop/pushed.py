@@ -51,7 +51,7 @@ class PushSettings(CheckedSettings):
         encoder: Nor is one farther than this from where the encoders say [m]. The
             executor must be told, and it must be less than the tracking share of m.
         keep_off: No push brings the robot nearer to the person than this [m].
-        settles_s: Time in which what a jump of the set-point left fades [s].
+        jump_fades_s: Time in which what a jump of the set-point left fades [s].
         slipped_s: A slip that is not taken for the set-point ends after this [s].
         lever: A joint that moves no point by more is not pushed [m by rad or m].
     """
@@ -61,7 +61,7 @@ class PushSettings(CheckedSettings):
     bump: float = setting(0.04, 0.0, 1.0, "m")
     encoder: float = setting(0.001, 0.0, 0.1, "m")
     keep_off: float = setting(0.02, 0.0, 10.0, "m")
-    settles_s: float = setting(0.2, 0.001, 60.0, "s")
+    jump_fades_s: float = setting(0.2, 0.001, 60.0, "s")
     slipped_s: float = setting(4.0, 0.001, 3600.0, "s")
     lever: float = setting(0.02, 0.0, 10.0, "m")
 
@@ -203,7 +203,7 @@ class PushedRobot:
             self._over = push if push.kind == SLIP and t > push.begin else self._over
         offset = difference(self.robot, before, self.q)
         left = offset - self._pulled(push, t)  # fades; most of the time it is none
-        fades = math.exp(-self.pushes.period / self.pushes.settings.settles_s)
+        fades = math.exp(-self.pushes.period / self.pushes.settings.jump_fades_s)
         target = self._pulled(push, self._t) + fades * left
         away = (np.abs(target) > np.abs(offset) + _ROUNDING).any()
         self._note(push)

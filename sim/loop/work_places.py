@@ -50,19 +50,14 @@ class NoWorkPlaces(PlanningError):
         )
 
 
-def work_places(
-    robot: Robot,
-    roadmap: Roadmap,
-    is_free: IsFree,
-    settings: WorkPlaceSettings = WorkPlaceSettings(),
-) -> np.ndarray:
+def work_places(robot: Robot, roadmap: Roadmap, is_free: IsFree) -> np.ndarray:
     """Return two free configurations (2, dof), tools left and right, pointing down.
 
     Where the tool cannot point down or go sideways, nodes of the roadmap near to that
     are taken. The two are near each other in joint space. NoWorkPlaces: there are none.
     """
     # the first nodes may all lie on one side, or keep the arm folded
-    s = settings
+    s = WorkPlaceSettings()
     for some in (roadmap.nodes[: s.candidates], roadmap.nodes):
         asked, found = _places(robot, some, is_free, s)
         pair = _nearest_pair(robot, *found) if all(map(len, found)) else None

@@ -14,7 +14,7 @@ from handover.human.fit import arm_joints
 from roadmap.errors import BadInput
 from sim.people.arm import HumanArm, facing_robot
 from sim.people.arm_path import Person, minimum_jerk
-from sim.people.human_motion import HumanMotion, make_motion
+from sim.people.human_motion import HumanMotion, make_motion, motion_names
 from sim.people.mocap import MocapMotion
 
 # Of the robot's base above the floor that a scripted person stands on [m].
@@ -92,28 +92,22 @@ class WholePerson:
 
     Args:
         motion: Of one arm: two capsules, its trunk facing -x of the base.
-        height: Of the body [m].
         walk: Where the body stands, on its floor; None: behind the arm's shoulder.
 
     Raises:
         BadInput: More or less than one arm.
     """
 
-    def __init__(
-        self,
-        motion: HumanMotion,
-        height: float = 1.75,
-        walk: Walk | None = None,
-    ) -> None:
+    def __init__(self, motion: HumanMotion, walk: Walk | None = None) -> None:
         n = len(motion.capsules(0.0))
         if n != 2:
+            one = [m for m in motion_names() if len(make_motion(m).capsules(0.0)) == 2]
             raise BadInput(
                 f"{motion.name} moves {n} capsules; a hand-over is with one person and "
-                "one arm: choose sweep, reach, jitter, hover, intrusion, tremble, "
-                "mocap or keyboard"
+                f"one arm: choose {', '.join(one)}, mocap or keyboard"
             )
         self.motion, self.walk = motion, walk
-        self._standing = Human(height)
+        self._standing = Human(1.75)
         self._last: tuple[float, Human] | None = None
 
     @property

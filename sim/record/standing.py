@@ -33,18 +33,18 @@ def scene_rows(planner: ReactivePlanner) -> list[dict]:
     return rows
 
 
-def set_up(planner: ReactivePlanner, rows: list[dict], path: object = "FILE") -> None:
+def set_up(planner: ReactivePlanner, rows: list[dict]) -> None:
     """Let the recorded objects stand around a planner's robot."""
     for row in rows:
-        name, shapes, pose = shapes_of(row, path)
+        name, shapes, pose = shapes_of(row)
         try:
             planner.scene.add(name, shapes, pose)
         except BadInput as error:
-            raise BadRecord(f"the scene of {path} cannot be set up: {error}") from error
+            raise BadRecord(f"the recorded scene cannot be set up: {error}") from error
     planner.scene.test_waiting()
 
 
-def shapes_of(row: dict, path: object = "FILE") -> tuple[str, list, np.ndarray]:
+def shapes_of(row: dict) -> tuple[str, list, np.ndarray]:
     """Return name, shapes and (4, 4) pose of a recorded object."""
     try:
         shapes = [
@@ -54,7 +54,7 @@ def shapes_of(row: dict, path: object = "FILE") -> tuple[str, list, np.ndarray]:
         return str(row["name"]), shapes, np.array(row["pose"], float)
     except (BadInput, KeyError, TypeError, ValueError, AttributeError) as error:
         raise BadRecord(
-            f"the scene of {path} holds what is no object ({error}); record again"
+            f"the recorded scene holds what is no object ({error}); record again"
         ) from error
 
 

@@ -153,14 +153,14 @@ class MeetTask:
             return WholePerson(self.live.arm(arm_at(float(np.mean(asked.distances)))))
         if asked.motion != "mocap":
             person = scripted_person(asked.motion, asked.seed, asked.distances)
-            if asked.hand == "left":
+            if asked.side == "left":
                 raise BadInput(
                     "a scripted person moves the right arm only; leave --side out, or "
                     "play a recording with --motion mocap"
                 )
             return person
         person = RecordedPerson(person_of(asked))
-        self.side = asked.hand or person.sides[0]
+        self.side = asked.side or person.sides[0]
         if self.side not in person.sides:
             raise BadInput(
                 f"the {self.side} arm is not in {person.name}; choose {person.sides[0]}"

@@ -14,7 +14,7 @@ from roadmap.errors import BadInput
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class PlannedAgent:
     """An agent of a plan's file: its URDF, where its base stands (4, 4) [m]."""
 
     body: AgentBody
@@ -40,8 +40,8 @@ class PlayedPlan:
     """
 
     record: Mapping
-    giver: Standing
-    receiver: Standing
+    giver: PlannedAgent
+    receiver: PlannedAgent
     scenery: tuple[Fixture, ...]
 
     def object_shapes(self, T_world_object: np.ndarray) -> list[Shape]:
@@ -71,7 +71,7 @@ def read_played(path: str | Path) -> PlayedPlan:
     """Read a plan and the agents that it names."""
     record = read_plan(path)
     try:
-        agents = [_standing(record[who]) for who in WHO]
+        agents = [_planned_agent(record[who]) for who in WHO]
         named = [(e["name"], read_shape(e)) for e in record["scenery"]]
         played = PlayedPlan(record, *agents, tuple(Fixture(*each) for each in named))
         played.object_shapes(np.eye(4))
@@ -84,14 +84,14 @@ def read_played(path: str | Path) -> PlayedPlan:
     return played
 
 
-def _standing(agent: Mapping) -> Standing:
+def _planned_agent(agent: Mapping) -> PlannedAgent:
     file = Path(agent["urdf"])
     if not file.is_file():
         raise BadInput(
             f"the URDF {file} of the plan's {agent['name']} is not there; put it there "
             "or make the plan again"
         )
-    return Standing(agent_body(str(file)), np.array(agent["T_world_base"], float))
+    return PlannedAgent(agent_body(str(file)), np.array(agent["T_world_base"], float))
 
 
 def show_played(played: PlayedPlan) -> None:

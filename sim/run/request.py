@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from handover.meet.held_object import HeldObject
 
 OBJECTS = ("wrench", "mallet")  # what a robot can hold for a hand-over
-_MEET_ONLY = ("reach", "distance", "held", "hand", "dwell")
+_MEET_ONLY = ("reach", "between", "held", "side", "dwell")
 
 
 @dataclass(frozen=True)
@@ -100,19 +100,16 @@ class RunRequest:
     reach: Path | None = flag(
         None, "Reach map of the robot (meet); built if left.", metavar="DIR"
     )
-    distance: tuple[float, float] | None = flag(
+    between: tuple[float, float] | None = flag(
         None,
         "The scripted person walks between these, m (meet).  [0.6 1.3]",
-        "--between",
         metavar="NEAR FAR",
         limits=Limits(0.1, 5.0, "m"),
     )
     held: str | None = flag(
         None, "Object that the robot holds (meet).", "--object", metavar="wrench|mallet"
     )
-    hand: str | None = flag(
-        None, "Hand of the person (meet).", "--side", metavar="right|left"
-    )
+    side: str | None = flag(None, "Hand of the person (meet).", metavar="right|left")
     dwell: float | None = flag(
         None,
         "At a target for so long, in s, the robot goes back to where it began, and "
@@ -217,11 +214,11 @@ class RunRequest:
         if told := goes_with(self, ("carry",), "--targets places", "leave it out"):
             return told
         check_object(self.obj)
-        if self.hand not in (None, "left", "right"):
-            return f"--side is {self.hand!r}: choose left or right"
+        if self.side not in (None, "left", "right"):
+            return f"--side is {self.side!r}: choose left or right"
         if not 0 <= self.audit_s < math.inf:
             return f"audit_s is {self.audit_s} s; give 0 or more"
-        if self.live and self.hand == "left":
+        if self.live and self.side == "left":
             return "the keys move the right arm; leave --side out"
         return ""
 
@@ -262,7 +259,7 @@ class RunRequest:
         """Between which a scripted person walks to and fro [m]."""
         from sim.people.whole_person import FAR, NEAR
 
-        return self.distance or (NEAR, FAR)
+        return self.between or (NEAR, FAR)
 
     def picture(self, chosen: Path | None, ending: str) -> Path | None:
         """Return a file that was named itself, or by --out; None: neither."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
+from handover.grasps.held_mesh import held_mesh
 from handover.grasps.objects import GraspObject
-from handover.grasps.own_object import held_mesh
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
 from handover.targets.live_targets import LiveTargets
@@ -485,9 +485,7 @@ class InReach:
     q: np.ndarray
 
 
-def in_reach(
-    setup: StorySetup, case: StoryCase, settings: InReachSettings = InReachSettings()
-) -> InReach | None:
+def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
     """Return where the hand-over could be, by exact inverse kinematics; None: nowhere.
 
     The best targets are tried from many starts each. The robot must be within its
@@ -495,7 +493,7 @@ def in_reach(
     is where it takes or offers the object, by the exact distance of solids. What it
     takes must leave the place straight back without touching the scenery.
     """
-    body = case.body()
+    body, settings = case.body(), InReachSettings()
     planner, meet = setup.planner(), setup.meet(body)
     audit = exact_audit(setup.cell_map.robot)
     grasps, held = [np.array(setup.obj.T_tool_object)], []

@@ -98,7 +98,6 @@ def too_near(
     capsules: np.ndarray,
     nodes: np.ndarray,
     spare: float = 0.0,
-    settings: GraspingSettings = _GRASPING,
 ) -> TooNear | None:
     """Return a link that is too near to an object, however it is grasped, or None.
 
@@ -109,7 +108,6 @@ def too_near(
         capsules: (k, 7) the object's, object frame [m].
         nodes: (n, dof) where the arm is looked at [rad or m].
         spare: More distance that is asked for [m].
-        settings: At how many of the nodes.
     """
     robot, links = planner.robot, planner.cover().links
     own, pads = gripper_links(robot), planner.settings.finger_pads
@@ -119,7 +117,7 @@ def too_near(
         (
             [n not in own for n in links],
             _arm_keeps(planner),
-            nodes[: settings.looked_at],
+            nodes[: _GRASPING.looked_at],
         ),
     ):
         which, keeps = np.flatnonzero(part), keeps + spare
@@ -176,7 +174,6 @@ def held_farther_out(
     obj: HeldObject,
     nodes: np.ndarray,
     spare: float = 0.0,
-    settings: GraspingSettings = _GRASPING,
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 
@@ -184,14 +181,14 @@ def held_farther_out(
     is where `most_out` is too little. Planner and nodes as in `too_near`.
     """
     T = np.array(obj.T_tool_object)
-    for _ in range(settings.out_steps):
+    for _ in range(_GRASPING.out_steps):
         found = too_near(
             planner, quarter_turns(T, obj.turns), obj.capsules, nodes, spare
         )
         if found is None:
             return obj.held_by(T)
-        T[2, 3] += found.keeps - found.gap + settings.more
-        if T[2, 3] - obj.T_tool_object[2, 3] > settings.most_out:
+        T[2, 3] += found.keeps - found.gap + _GRASPING.more
+        if T[2, 3] - obj.T_tool_object[2, 3] > _GRASPING.most_out:
             break
     return obj
 

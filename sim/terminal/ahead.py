@@ -68,14 +68,14 @@ def _cores() -> int:
 @contextmanager
 def _beside(number: int, folder: Path, command: str) -> Iterator[list]:
     """Yield processes that do the same; none is left afterwards."""
-    from odm.processes import unheard  # not above: a bar needs no planner
+    from odm.processes import ignoring_interrupts  # not above: a bar needs no planner
 
     context = multiprocessing.get_context("spawn")
     given = (folder, command, gc.get_threshold(), os.getpid())
     others = [context.Process(target=_child, args=given) for _ in range(number)]
     try:
         for other in others:
-            with unheard():
+            with ignoring_interrupts():
                 other.start()
         yield others
     finally:

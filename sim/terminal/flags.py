@@ -55,6 +55,13 @@ Posture = Annotated[
         help="What the person does.",
     ),
 ]
+Lock = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="JOINT=VALUE",
+        help="Make a joint rigid, at a value in rad or m; may be repeated.",
+    ),
+]
 Side = Annotated[str, typer.Option(metavar="right|left", help="The person's hand.")]
 
 

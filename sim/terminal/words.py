@@ -1,45 +1,14 @@
 """The words of a command line before they are parsed, and what is said of them."""
 
 import re
-import sys
 
 # options that may stand alone, and the ending that a file behind them often has
 _TARGETS = {"--json": ".json", "--markdown": ".md"}
 # an argument that may be left out, and the flag that then stands in its place
 _INSTEAD = {"build": "--robot", "replay": "--frames"}
-# older spellings, of a bench, too, by command; the new ones mean the same everywhere
-RENAMED = {
-    ("workspace", "meet"): {
-        "--map": "--reach",
-        "--human-map": "--human-reach",
-        "--human": "--height",
-    },
-    ("workspace", "build"): {"--seconds": "--stop-after"},
-    ("run",): {"--distance": "--between", "--hand": "--side"},
-    ("run-two",): {"--picture": "--plot"},
-    ("info",): {"--tax": "--overhead"},
-    ("bench",): {"tax": "overhead"},
-}
 
 
-def with_new_names(words: list[str]) -> list[str]:
-    """Return the words with the present names of flags; say which ones are older."""
-    commands = tuple(word for word in words[:2] if not word.startswith("-"))
-    new = RENAMED.get(commands) or RENAMED.get(commands[:1]) or {}
-    result = []
-    for word in words:
-        name, equals, value = word.partition("=")
-        if name in new:
-            print(
-                f"note: {name} is called {new[name]} now; the old name still works",
-                file=sys.stderr,
-            )
-            word = f"{new[name]}{equals}{value}"
-        result.append(word)
-    return result
-
-
-def with_targets(words: list[str], door: object) -> list[str]:
+def with_targets(words: list[str], group: object) -> list[str]:
     """Let `--json` stand alone, or with any file behind it.
 
     The word behind it is the file, unless it begins with "-" or the command would then
@@ -48,7 +17,7 @@ def with_targets(words: list[str], door: object) -> list[str]:
 
     Args:
         words: Of the command line, behind `odm`.
-        door: The command of all commands, as typer made it.
+        group: All commands, as typer made it.
     """
     result, at = [], 0
     while at < len(words):
@@ -57,7 +26,7 @@ def with_targets(words: list[str], door: object) -> list[str]:
             after = words[at] if at < len(words) else ""
             named = after == "-" or after.endswith(_TARGETS[word])
             if after and not named and not after.startswith("-"):
-                named = not _is_wanted(words[: at - 1], words[at + 1 :], door)
+                named = not _is_wanted(words[: at - 1], words[at + 1 :], group)
             if named:
                 word, at = f"{word}={after}", at + 1
             else:
@@ -66,9 +35,9 @@ def with_targets(words: list[str], door: object) -> list[str]:
     return result
 
 
-def _is_wanted(before: list[str], behind: list[str], door: object) -> bool:
+def _is_wanted(before: list[str], behind: list[str], group: object) -> bool:
     """Return whether a command needs the word between as an argument by its place."""
-    command, rest = _command_of([*before, *behind], door)
+    command, rest = _command_of([*before, *behind], group)
     if hasattr(command, "commands"):
         return not (rest and rest[0].startswith("-"))  # the word names the command
     takes = {
@@ -94,9 +63,9 @@ def _is_wanted(before: list[str], behind: list[str], door: object) -> bool:
     return missing and instead not in rest
 
 
-def _command_of(words: list[str], door: object) -> tuple[object, list[str]]:
+def _command_of(words: list[str], group: object) -> tuple[object, list[str]]:
     """Return the command that the first words name, as far as they do, and the rest."""
-    command, rest = door, words
+    command, rest = group, words
     while hasattr(command, "commands") and rest and rest[0] in command.commands:
         command, rest = command.commands[rest[0]], rest[1:]
     return command, rest
@@ -112,7 +81,7 @@ _KINDS = {  # what typer and its pydantic say, and what we do
 _BOUND = re.compile(r"should be (?:greater|less) than or equal to (\S+)")
 
 
-def mistake(error: Exception, words: list[str], door: object) -> str | None:
+def mistake(error: Exception, words: list[str], group: object) -> str | None:
     """Return one sentence for what typer says of wrong words, None for other errors."""
     if not hasattr(error, "format_message"):
         return None
@@ -136,7 +105,7 @@ def mistake(error: Exception, words: list[str], door: object) -> str | None:
         name, count = found.groups()
         if count == "an":
             return f"odm: {name} stands alone; give a value behind it"
-        behind = _metavar(name, _command_of(words, door)[0])
+        behind = _metavar(name, _command_of(words, group)[0])
         return f"odm: {name} needs {count} values behind it: {behind}"
     text = text.removeprefix("Invalid value: ").rstrip(".?").replace(". Did", "; did")
     return f"odm: {text[:1].lower()}{text[1:]}; see {helped}"

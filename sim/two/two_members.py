@@ -74,7 +74,7 @@ class Planned:
         trips: Times it arrived at a work place.
         arrived: Whether it arrived in this frame.
         waited_s: How long it has had no path to work [s].
-        gives_way: Whether it waits although it has a path.
+        yields: Whether it waits although it has a path.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Planned:
         self.planner, self._asker = planners
         self.robot, self.settings = self.planner.robot, settings
         self.places, self.wait, self.place, self.trips = places, wait, 0, 0
-        self.gives_way, self.waited_s, self.arrived = False, 0.0, False
+        self.yields, self.waited_s, self.arrived = False, 0.0, False
         self._period = 1.0 / settings.rate_hz
         self._ask_again = ask_again
         self._held_s = self._since_s = 0.0
@@ -113,7 +113,7 @@ class Planned:
         """Answer a frame: where the other is, and what it may still sweep."""
         commit = self.executor.commit()
         self._since_s += self._period
-        asks = not (self.works or self.gives_way) and self._since_s >= self._ask_again
+        asks = not (self.works or self.yields) and self._since_s >= self._ask_again
         if asks:
             self._since_s = 0.0
             self._asker.set_goals([self.places[self.place]])
@@ -128,14 +128,14 @@ class Planned:
         held = answer.status == HOLDING
         self.reason = (answer.reason or "") if held else ""
         self._held_s = self._held_s + self._period if held else 0.0
-        lost = not self.gives_way and (held or not self.works)
+        lost = not self.yields and (held or not self.works)
         self.waited_s = self.waited_s + self._period if lost else 0.0
         if self.works and self._held_s > LEAVE:
             self._aim(False)
 
-    def give_way(self, yes: bool) -> None:
+    def set_yields(self, yes: bool) -> None:
         """Leave the work place to the other robot, or go on working."""
-        self.gives_way = yes
+        self.yields = yes
         self._aim(not yes)
 
     def _aim(self, works: bool) -> None:

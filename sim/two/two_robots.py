@@ -106,11 +106,11 @@ class TwoRobots:
     def _take_turns(self, now: float) -> None:
         """Let a robot that has arrived yield to one that waits, for one trip."""
         for one, other in (self.robots, self.robots[::-1]):
-            if one.gives_way and (other.trips > self._turn[0] or now > self._turn[1]):
-                one.give_way(False)
+            if one.yields and (other.trips > self._turn[0] or now > self._turn[1]):
+                one.set_yields(False)
             elif one.arrived and other.waited_s > PATIENCE:
                 self._turn = other.trips, now + TURN
-                one.give_way(True)
+                one.set_yields(True)
 
     def _threat(self, k: int, other: object) -> object:
         spheres, T = self.spheres[1 - k], self.T_other[k]

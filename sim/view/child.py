@@ -56,7 +56,9 @@ def open_page(told: dict) -> "Page":
         tell if told["drag"] else None,
         still=told["still"],
     )
-    return Page(show, socket.socket(fileno=told["door"]), told["host"], told["token"])
+    return Page(
+        show, socket.socket(fileno=told["listener"]), told["host"], told["token"]
+    )
 
 
 def _exactly(size: int) -> bytes:

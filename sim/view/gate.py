@@ -1,7 +1,7 @@
-"""The door of the page: who may come in, and how much he may say.
+"""The gate of the page: who may come in, and how much he may say.
 
 viser itself listens where nobody else can reach it, at a port of its own on this
-machine. This door looks at the head of every connection (host, origin, token) and hands
+machine. The gate looks at the head of every connection (host, origin, token) and hands
 on the bytes of those it lets in.
 """
 
@@ -90,18 +90,18 @@ class Gate:
     address once, then as a cookie.
 
     Args:
-        door: Where it listens.
+        listener: Where it listens.
         inner_port: Of viser, on this machine.
         host: The address that was asked for.
         token: What a client has to know; "" is nothing.
     """
 
     def __init__(
-        self, door: socket.socket, inner_port: int, host: str, token: str
+        self, listener: socket.socket, inner_port: int, host: str, token: str
     ) -> None:
-        self.port = door.getsockname()[1]
+        self.port = listener.getsockname()[1]
         self.host, self.token = host, token
-        self._door, self._inner = door, inner_port
+        self._listener, self._inner = listener, inner_port
         self._loop = asyncio.new_event_loop()
         self._clients = 0
         self._thread = threading.Thread(target=self._run, daemon=True, name="gate")
@@ -116,11 +116,13 @@ class Gate:
         """Let nobody in any more."""
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(2.0)
-        self._door.close()
+        self._listener.close()
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
-        self._loop.run_until_complete(asyncio.start_server(self._come, sock=self._door))
+        self._loop.run_until_complete(
+            asyncio.start_server(self._come, sock=self._listener)
+        )
         self._loop.run_forever()
         tasks = asyncio.all_tasks(self._loop)
         for task in tasks:

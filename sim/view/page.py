@@ -76,16 +76,16 @@ class Page:
 
     Args:
         show: What.
-        door: A socket that listens, see `sim.view.gate.listening`.
+        listener: A socket that listens, see `sim.view.gate.listening`.
         host: The address it was opened for.
         token: What a client has to know; "": nothing.
 
     Attributes:
-        gate: The door.
+        gate: What stands between that socket and the server.
         drawn: Moments drawn so far.
     """
 
-    def __init__(self, show: Show, door: object, host: str, token: str) -> None:
+    def __init__(self, show: Show, listener: object, host: str, token: str) -> None:
         rich.get_console().quiet = True  # viser's own words on stdout
         self.shown, self.drawn = show, 0
         self.server = _Server(host=LOCAL, port=0, label=show.label, verbose=False)
@@ -113,7 +113,7 @@ class Page:
         self._stop = threading.Event()
         self._seen: set[int] = set()  # clients whose camera was set
         self._placed = False  # whether a camera was placed by a moment with a person
-        self.gate = Gate(door, self.server.get_port(), host, token)
+        self.gate = Gate(listener, self.server.get_port(), host, token)
         threading.Thread(target=self._load, daemon=True, name="load").start()
 
     def _load(self) -> None:

@@ -117,9 +117,9 @@ class Viewer:
 
     def _start(self, told: "Mapping", host: str, port: int, token: str) -> str:
         """Start the process and wait until the page is open; return its address."""
-        door = listening(host, port)
-        told = {**told, "door": door.fileno()}
-        kept = [door.fileno(), self._down.descriptor, self._up.descriptor]
+        listener = listening(host, port)
+        told = {**told, "listener": listener.fileno()}
+        kept = [listener.fileno(), self._down.descriptor, self._up.descriptor]
         paths = os.pathsep.join(p or os.getcwd() for p in sys.path)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "sim.view.child"],
@@ -132,8 +132,8 @@ class Viewer:
         data = pickle.dumps(told)
         self._process.stdin.write(len(data).to_bytes(8, "little") + data)
         self._process.stdin.flush()
-        number = door.getsockname()[1]
-        door.close()
+        number = listener.getsockname()[1]
+        listener.close()
         ready, _, _ = select.select([self._process.stdout], [], [], OPEN_S)
         said = self._process.stdout.readline() if ready else b"it took too long"
         if said != READY:

@@ -2,7 +2,7 @@
 
 A net for changes that shall change nothing. The same work is done in another checkout
 and in this one, each in a process of its own that knows the checkout by its public
-doors alone (`golden_work.py`): maps, motions, frames with their answers and questions,
+names alone (`golden_work.py`): maps, motions, frames with their answers and questions,
 runs with every frame recorded, sentences and help. All bytes that do not come from a
 clock are compared.
 

@@ -153,7 +153,7 @@ def refusals(shop: Shop) -> Lines:
         "build arm.toml --nodes -3", "build arm.toml --out maps",
         "info nothing", "info .", f"audit {arm} --sabotage all", "audit nothing",
         f"run --map {arm} --motion none", f"run --map {arm} --motion mocap",
-        f"run --map {arm} --targets nowhere", f"run --map {arm} --distance 1 2",
+        f"run --map {arm} --targets nowhere", f"run --map {arm} --between 1 2",
         f"run --map {arm} --execution fast", f"run --map {arm} --carry 0.1",
         f"run --map {arm} --record run.txt", f"run --map {arm} --seconds -1",
         f"run --map {arm} --file text.npz", "replay text.npz", "replay none.npz",
@@ -182,7 +182,7 @@ def tables(shop: Shop) -> Lines:
         f"replay short_run.npz --map {arm}", "replay short_run.npz --holds",
         f"replay --frames short.npz --map {arm}",
         "build gross.toml --out once_more", f"workspace info {shop.reach()}",
-        f"workspace meet --robot kawasaki_fs003n --map {shop.reach()} --k 3",
+        f"workspace meet --robot kawasaki_fs003n --reach {shop.reach()} --k 3",
         f"camera depth.png --map {arm}",
         "workspace human --spacing 0.1 --rotations 72",
     ):  # fmt: skip
@@ -203,10 +203,10 @@ def pictures(shop: Shop) -> Lines:
         "human info --posture sitting --plot",
         f"info {arm} --plot",
         "workspace human --spacing 0.1 --rotations 72 --plot",
-        f"workspace meet --robot kawasaki_fs003n --map {shop.reach()} --plot",
+        f"workspace meet --robot kawasaki_fs003n --reach {shop.reach()} --plot",
         f"workspace info {shop.reach()} --plot",
         f"camera depth.png --map {arm} --plot",
-        f"run-two --map {shop.map('gross')} --seconds 1 --picture",
+        f"run-two --map {shop.map('gross')} --seconds 1 --plot",
     ):
         code, _, complained = command(*words.split(), "picture.png")
         yield f"odm {words}: exit code {code}"
@@ -395,12 +395,12 @@ def targets(shop: Shop) -> Lines:
     words = ("run", "--map", robot, "--targets", "meet", "--reach", shop.reach())
     for k, (motion, thing) in enumerate((("reach", "wrench"), ("sweep", "mallet"))):
         asked = ("--motion", motion, "--object", thing, "--seed", k, "--rate", 50)
-        for line in told_by(*words, *asked, "--seconds", 4, "--distance", 0.7, 1.0):
+        for line in told_by(*words, *asked, "--seconds", 4, "--between", 0.7, 1.0):
             yield f"{motion}: {line}"
     asked = ("--motion", "reach", "--seconds", 3, "--execution", "timed", "--rate", 50)
     yield from told_by(*words, *asked)
     Path("clip.bvh").write_text(_bvh(100))
-    asked = ("--motion", "mocap", "--file", "clip.bvh", "--hand", "left", "--rate", 50)
+    asked = ("--motion", "mocap", "--file", "clip.bvh", "--side", "left", "--rate", 50)
     yield from told_by(*words, *asked)
 
 
@@ -450,8 +450,8 @@ def workspace(shop: Shop) -> Lines:
         where = Path("reaches", robot)
         yield from told_by("workspace", "build", robot, "--out", where, *quick)
         yield from told_by("workspace", "info", where, "--recall", 100)
-    words = ("--robot", "kawasaki_fs003n", "--map", shop.reach(), "--distance", 0.8)
-    yield from told_by("workspace", "meet", *words, "--human-map", "reaches/human")
+    words = ("--robot", "kawasaki_fs003n", "--reach", shop.reach(), "--distance", 0.8)
+    yield from told_by("workspace", "meet", *words, "--human-reach", "reaches/human")
     yield from told_by("workspace", "meet", *words, "--posture", "sitting", "--k", 4)
 
 

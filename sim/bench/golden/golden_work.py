@@ -3,7 +3,7 @@
     PYTHONPATH=CHECKOUT python -P golden_work.py CHECKOUT FOLDER OUT.json [ITEM ...]
     PYTHONPATH=CHECKOUT python -P golden_work.py CHECKOUT FOLDER time
 
-It knows a checkout by its public doors alone, `import roadmap, odm, handover` and the
+It knows a checkout by its public names alone, `import roadmap, odm, handover` and the
 command `python -m sim`, so that it runs before and after any move inside of them.
 Nothing of `sim` is imported: the files beside this one are found by their folder.
 """
@@ -17,11 +17,11 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 
 import golden_commands as commands  # noqa: E402
-import golden_doors as doors  # noqa: E402
+import golden_names as names  # noqa: E402
 
 import roadmap  # noqa: E402
 
-ITEMS = doors.ITEMS | commands.ITEMS
+ITEMS = names.ITEMS | commands.ITEMS
 SHORT = "short"  # in place of names: all items but those that take their time
 _LONG = (
     "tables", "pictures", "maps", "audits", "runs", "scenes", "replays", "pushed",

@@ -44,7 +44,10 @@ PAPER = {
 }
 ASKED_S = {"butler": 0.15, "stool": 0.25, "kneeling": 0.20}
 CHOOSING_MS, TAIL, UNSOLVABLE = 50.0, 3.0, 5
-OWN, OWN_SHARE = 200, 97.0  # scenes of our own; percent of solvable ones
+VARIED, VARIED_SHARE = (
+    200,
+    97.0,
+)  # other scenes than the paper's; percent of solvable ones
 TABLE_I = {
     "cup": (316, 368, 368),
     "hammer": (445, 590, 644),
@@ -58,7 +61,7 @@ PATIENCE_S = 10.0  # after Ctrl-C: what was done is told, see `sim.bench.command
 def run(
     *,
     runs: int | None = None,
-    own: bool = False,
+    varied: bool = False,
     seed: int = 0,
     short: bool = False,
     only: Sequence[str] | None = None,
@@ -68,8 +71,8 @@ def run(
     """Plan and check hand-overs.
 
     Args:
-        runs: Seeds of each scene; 100, or 200 with `own`.
-        own: Scenes of our own instead of the paper's.
+        runs: Seeds of each scene; 100, or 200 with `varied`.
+        varied: Other scenes than the paper's.
         seed: The first one.
         short: Two of each: to see that it runs, not to measure.
         only: These of the paper's scenes; all if left.
@@ -83,10 +86,10 @@ def run(
         BadInput: `only` names another scene.
     """
     tell = tell or (lambda text: None)
-    names = ["varied"] if own else _of_the_paper(only)
-    runs = 2 if short else runs or (OWN if own else 100)
+    names = ["varied"] if varied else _of_the_paper(only)
+    runs = 2 if short else runs or (VARIED if varied else 100)
     rows, found, tables, ended = [], {}, [], ""
-    if not own and not short:
+    if not varied and not short:
         tell("grasps of Table I")
         tables.append(_table_one())
     for name in names:
@@ -102,7 +105,7 @@ def run(
         rows += _rows(name, done) if done else []
         if ended:
             break
-    if not own:
+    if not varied:
         tables.append(_tables_two_to_four(found))
     tables += _unsolvable(found)
     return {
@@ -227,7 +230,7 @@ def _rows(name: str, runs: list[dict]) -> list[dict]:
     never = sum(r.get("unsolvable", False) for r in runs)
     solvable = len(runs) - never
     share = 100.0 * len(good) / max(solvable, 1)
-    least = OWN_SHARE if name == "varied" else 100.0
+    least = VARIED_SHARE if name == "varied" else 100.0
     most = UNSOLVABLE * len(runs) / 100.0
     label = f"{name}: planned, of {solvable} solvable draws"
     rows = [

@@ -91,7 +91,7 @@ def run(
         reach=None if reach is None else Path(reach),
     )
     jobs = [
-        replace(asked, seed=seed + k, distance=(distance, distance), **more)
+        replace(asked, seed=seed + k, between=(distance, distance), **more)
         for more in (
             {},
             {"dwell": DWELL_S, "audit_s": 0.0},

@@ -13,7 +13,7 @@ from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import Pair, handover_poses, steps_of
 from handover.plans.limb import limb_of
 from handover.plans.mover import Mover
-from handover.plans.prune import Executed, prune_grasps
+from handover.plans.prune import ExecutableGrasps, prune_grasps
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import PlacedAgent, Scene
 
@@ -117,7 +117,7 @@ def best_of(wholes: list[Whole], without: set[Key]) -> float:
 
 
 def _given(
-    pair: Pair, starts: Executed, T: np.ndarray, q_receiver: np.ndarray
+    pair: Pair, starts: ExecutableGrasps, T: np.ndarray, q_receiver: np.ndarray
 ) -> list[int]:
     giver = pair.giver
     giver.put_other(q_receiver)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm import Box, Cylinder
-from odm.audit.exact import Obstacles, obstacles_of
+from odm.audit.exact import ExactObstacles, obstacles_of
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.surfaces import sample_cylinders
 from sim.bench.frames import Pair
@@ -115,7 +115,7 @@ class Contacts:
             exact.body > 0,
         )  # fmt: skip
 
-    def distances(self, q: np.ndarray, arm: Obstacles, cap: float) -> np.ndarray:
+    def distances(self, q: np.ndarray, arm: ExactObstacles, cap: float) -> np.ndarray:
         """Return the distances at q (n, dof) [m], `cap` where they are larger."""
         out = np.empty(len(q))
         q = np.ascontiguousarray(q)

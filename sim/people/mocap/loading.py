@@ -20,9 +20,9 @@ from sim.people.mocap.skeletons import (
     FEET,
     PLUG_IN_GAIT,
     TOES,
+    joint_mapping,
     joints_of,
     pelvis_of,
-    told_by,
 )
 from sim.people.mocap.tracks import BadMocap, Tracks, read_text
 from sim.people.mocap.unseen import (
@@ -160,7 +160,7 @@ def _measured(
     tracks: Tracks, mapping: object, settings: MocapSettings
 ) -> tuple[dict[str, np.ndarray], float, list[str]]:
     """Return joint -> (F, 3) places with z up [m], the rate [Hz], and what was said."""
-    told = told_by(mapping)
+    told = joint_mapping(mapping)
     unit, said_by = told.unit, f"{told.label} says so"
     if settings.unit is not None:
         unit, said_by = settings.unit, "unit of the settings"

@@ -90,9 +90,9 @@ def _reaching(joints: Joints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return feet, feet + reach, _direction(reach, chest)
 
 
-def _most_central(points: np.ndarray, most: int = 300) -> np.ndarray:
+def _most_central(points: np.ndarray) -> np.ndarray:
     """Return the (2,) point with the least distance to all; a real one, no mean."""
-    some = points[:: max(len(points) // most, 1)]
+    some = points[:: max(len(points) // 300, 1)]
     distance = np.linalg.norm(some[:, None] - some[None], axis=2)
     return some[distance.sum(axis=1).argmin()]
 

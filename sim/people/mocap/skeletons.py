@@ -148,7 +148,7 @@ def read_mapping(path: str | Path) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Told:
+class JointMapping:
     """What a mapping tells of a recording.
 
     Attributes:
@@ -164,10 +164,10 @@ class Told:
     label: str = ""
 
 
-def told_by(mapping: str | Path | Mapping[str, object] | None) -> Told:
+def joint_mapping(mapping: str | Path | Mapping[str, object] | None) -> JointMapping:
     """Return what a mapping tells; one of `unit` and `up` alone names no joints."""
     if mapping is None:
-        return Told()
+        return JointMapping()
     label = "the mapping"
     if not isinstance(mapping, Mapping):
         label = Path(mapping).name
@@ -180,7 +180,7 @@ def told_by(mapping: str | Path | Mapping[str, object] | None) -> Told:
             "metres of a unit"
         )
     names = {joint: n for joint, n in mapping.items() if joint not in ("unit", "up")}
-    return Told(names if names or not mapping else None, unit, up, label)
+    return JointMapping(names if names or not mapping else None, unit, up, label)
 
 
 def _check(mapping: Mapping[str, str], label: str) -> None:
@@ -265,7 +265,7 @@ def _arms(joints: Mapping[str, object]) -> list[str]:
     return [s for s in SIDES if all(f"{s}_{j}" in joints for j in ARM)]
 
 
-def _listed(tracks: Tracks, most: int = 40) -> str:
+def _listed(tracks: Tracks) -> str:
     names = [name for name in tracks.places if not name.endswith("_end")]
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    more = f" and {len(names) - 40} more" if len(names) > 40 else ""
+    return ", ".join(names[:40]) + more

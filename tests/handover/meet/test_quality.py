@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from doors import with_door
 from naive_arm import pinocchio_arm
+from wrappers import with_wrapper
 
 from handover import ArmState, Human, QualitySettings, posture_quality, total_quality
 from handover.human._human_arm import arm_axes
@@ -18,9 +18,9 @@ from handover.meet.settings import PARTS
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
-square_to_axis = with_door(kernel.square_to_axis)
-enters = with_door(kernel.enters)
-effort_cost = with_door(kernel.effort_cost)
+square_to_axis = with_wrapper(kernel.square_to_axis)
+enters = with_wrapper(kernel.enters)
+effort_cost = with_wrapper(kernel.effort_cost)
 
 SETTINGS = QualitySettings()
 FORWARD = np.radians([90.0, 0, 0, 0, 0, 0, 0])  # the right arm level to the front

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doors import with_door
 from numba import njit
 from reach_chains import BASE
 from scipy.spatial.transform import Rotation
+from wrappers import with_wrapper
 
 import handover
 from handover import (
@@ -27,11 +27,11 @@ from handover.reach.robot_cells import robot_cells
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
-position_bounds = with_door(bounds.position_bounds)
-now_turn = with_door(bounds.now_turn)
-fill_spins = with_door(bounds.fill_spins)
-grip_bound = with_door(bounds.grip_bound)
-byte_passes = with_door(bounds.byte_passes)
+position_bounds = with_wrapper(bounds.position_bounds)
+now_turn = with_wrapper(bounds.now_turn)
+fill_spins = with_wrapper(bounds.fill_spins)
+grip_bound = with_wrapper(bounds.grip_bound)
+byte_passes = with_wrapper(bounds.byte_passes)
 
 
 def somebody(rng, far=1.3):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doors import with_door
+from wrappers import with_wrapper
 
 import handover
 from handover.grasps.grasp_build import GraspSettings
@@ -22,11 +22,11 @@ from roadmap.transforms import pose_of
 
 MARGIN = ProofSettings().margin
 
-place = with_door(_space.place)
-pair_apart = with_door(_space.pair_apart)
-parts_apart = with_door(_space.parts_apart)
-move_of = with_door(_space.move_of)
-motion_clear = with_door(_space.motion_clear)
+place = with_wrapper(_space.place)
+pair_apart = with_wrapper(_space.pair_apart)
+parts_apart = with_wrapper(_space.parts_apart)
+move_of = with_wrapper(_space.move_of)
+motion_clear = with_wrapper(_space.motion_clear)
 
 FEW = GraspSettings(samples=5, rolls=2)
 

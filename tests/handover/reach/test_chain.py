@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doors import with_door
 from reach_chains import person_pose, slow_dexterity
 from robot_asked import jacobian
+from wrappers import with_wrapper
 
 from handover import chain_of
 from handover.reach._reach_touch import touches_itself
@@ -19,10 +19,10 @@ from roadmap.kinematics import _chain as kernels
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics.forward import tool_pose
 
-sine_cosine = with_door(kernels.sine_cosine)
-to_lattice = with_door(kernels.to_lattice)
+sine_cosine = with_wrapper(kernels.sine_cosine)
+to_lattice = with_wrapper(kernels.to_lattice)
 
-touches_itself = with_door(touches_itself)
+touches_itself = with_wrapper(touches_itself)
 
 FLAP = """<robot name="flap">
 <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>

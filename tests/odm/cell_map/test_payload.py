@@ -15,7 +15,6 @@ from carrying import (
     arm_points,
     capsules,
 )
-from doors import with_door
 from naive_cells import free_items
 from small import (
     AWAY,
@@ -24,6 +23,7 @@ from small import (
     draw_arm,
     small_recipe,
 )
+from wrappers import with_wrapper
 
 import odm
 from odm.audit.audit import audit
@@ -37,7 +37,7 @@ from roadmap.errors import BadInput, BadRecipe
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import PAYLOAD, with_payload
 
-plan = with_door(frame.plan)
+plan = with_wrapper(frame.plan)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doors import with_door
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_cells import (
@@ -15,6 +14,7 @@ from naive_cells import (
     words_to_cells,
 )
 from small import small_recipe
+from wrappers import with_wrapper
 
 import odm
 from odm.cell_map import _sweep as sweep
@@ -23,7 +23,7 @@ from odm.cell_map.sweep import sweep_roadmap
 from odm.obstacles.grid import grid_for
 from roadmap.kinematics.forward import difference
 
-mark_ball = with_door(sweep.mark_ball)
+mark_ball = with_wrapper(sweep.mark_ball)
 
 
 @settings(deadline=None, max_examples=60)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from naive_cells import centers, edge_cells, occupied_cells, smallest_gap
 from scipy.spatial.transform import Rotation
 from small import draw_arm, draw_valid
+from wrappers import with_wrapper
 
 import odm
 from odm.close_test import _close as close
@@ -15,10 +15,10 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import N_INSIDE, N_LISTED
 from roadmap.kinematics.forward import difference
 
-any_beside = with_door(close.any_beside)
-any_within = with_door(close.any_within)
-body_chord = with_door(close.body_chord)
-list_near = with_door(close.list_near)
+any_beside = with_wrapper(close.any_beside)
+any_within = with_wrapper(close.any_within)
+body_chord = with_wrapper(close.body_chord)
+list_near = with_wrapper(close.list_near)
 
 
 def cloud_of(cell_map, points):

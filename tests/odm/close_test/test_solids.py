@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from naive_cells import centers
 from shapes_drawn import (
     KINDS,
@@ -13,6 +12,7 @@ from shapes_drawn import (
     solids_of,
 )
 from small import draw_valid
+from wrappers import with_wrapper
 
 import odm
 from odm.close_test import _close as close
@@ -23,9 +23,9 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._solids import chord_keeps, solid_distance, solid_gap
 from roadmap.kinematics.forward import difference
 
-chord_keeps = with_door(chord_keeps)
-solid_distance = with_door(solid_distance)
-solid_gap = with_door(solid_gap)
+chord_keeps = with_wrapper(chord_keeps)
+solid_distance = with_wrapper(solid_distance)
+solid_gap = with_wrapper(solid_gap)
 
 NOTHING = np.zeros((0, 3))
 

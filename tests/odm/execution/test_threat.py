@@ -10,7 +10,7 @@ from odm.execution._threat import write_sharpest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import (
     CloudThreat,
-    PartlyCalm,
+    SteadyParts,
     Threat,
     ThreatSettings,
     Watcher,
@@ -459,7 +459,7 @@ def test_of_who_is_partly_calm_some_speed_up_no_harder_and_all_are_told():
     whole, calm = growth(threat, 0.0, 0.3), growth(threat.as_so_far(), 0.0, 0.3)
     assert (calm < whole).all()
     these = np.arange(len(whole)) == 0
-    partly = PartlyCalm(threat, these)
+    partly = SteadyParts(threat, these)
     there, more = partly.between(0.0, 0.3)
     grown = there.capsules[:, 6] + more - threat.capsules[:, 6]
     assert np.array_equal(grown, np.where(these, calm, whole))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from doors import with_door
 from shapes_drawn import exact_distance
+from wrappers import with_wrapper
 
 import odm
 from odm.close_test._static import solid_distance
@@ -14,7 +14,7 @@ from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.transforms import pose_of
 
-solid_distance = with_door(solid_distance)
+solid_distance = with_wrapper(solid_distance)
 
 PLANE = {"type": "plane", "normal": [0.0, 0.0, 1.0], "offset": 0.1}
 BOX = {

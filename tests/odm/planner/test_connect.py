@@ -149,7 +149,10 @@ def test_a_frame_spends_its_budget_and_little_more(small_map, hard):
             spent = planner.connector.looked - before
             if answer.status != "holding":
                 break
-            if before >= 640 and planner.frame_number % planner.connector.settings.rest:
+            if (
+                before >= 640
+                and planner.frame_number % planner.connector.settings.search_every
+            ):
                 assert spent == 0  # all is spent: the next search waits
                 continue
             if planner.joined and spent == 0 and not planner.connector.is_new:

@@ -6,14 +6,14 @@ from itertools import product
 
 import numpy as np
 import pytest
-from doors import with_door
 from small import AWAY, HOME, NOBODY, ball_at
+from wrappers import with_wrapper
 
 import odm
 from odm import PlannerSettings
 from odm.search import _recent as kernels
 
-lay_out_recent = with_door(kernels.lay_out_recent)
+lay_out_recent = with_wrapper(kernels.lay_out_recent)
 
 RATE = 100
 NO_HISTORY = PlannerSettings(history_s=0.0)

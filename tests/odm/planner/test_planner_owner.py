@@ -161,7 +161,7 @@ def test_a_copy_of_a_map_is_the_map(small_map):
 
 # --- threads ----------------------------------------------------------------------
 
-DOORS = {
+METHODS = {
     "step": lambda p: p.step(NOBODY, q=HOME),
     "see": lambda p: p.see(NOBODY, q=HOME),
     "set_goals": lambda p: p.set_goals([HOME]),
@@ -190,9 +190,9 @@ DOORS = {
 }
 
 
-@pytest.mark.parametrize("door", DOORS)
-def test_another_thread_is_refused_at_every_door(held, door):
-    told = in_thread(lambda: DOORS[door](held))
+@pytest.mark.parametrize("method", METHODS)
+def test_another_thread_is_refused_by_every_method(held, method):
+    told = in_thread(lambda: METHODS[method](held))
     assert isinstance(told, BadInput), told
     assert "the planner belongs to thread" in str(told) and "take_over" in str(told)
     assert not held.is_free(HOME, HOME)  # and the frame is still there

@@ -99,7 +99,7 @@ def test_where_no_solution_is_free_more_are_looked_for(small_map, monkeypatch):
         return is_free(q, dq) & (len(counts) > 1)
 
     monkeypatch.setattr(static, "motions_free", not_at_first)
-    found = PoseGoals(planner.frame, PoseSettings(same=0.0, enough=3))
+    found = PoseGoals(planner.frame, PoseSettings(same_within=0.0, max_solutions=3))
     assert len(found.solve([tool_pose(planner.robot, AWAY)], None, None).goals) == 1
     assert counts == [3, 24]
 
@@ -192,7 +192,7 @@ def test_a_pose_has_few_motions_at_once_and_the_others_between_frames(small_map)
 def test_the_settings_say_which_solutions_are_one_and_how_many_are_looked_at(asked):
     T = tool_pose(asked.robot, AWAY)
     counts = []
-    for settings in (PoseSettings(), PoseSettings(same=0.0, enough=3)):
+    for settings in (PoseSettings(), PoseSettings(same_within=0.0, max_solutions=3)):
         found = PoseGoals(asked.frame, settings)
         counts.append(len(found.solve([T], None, None).solutions))
     assert counts == [1, 3]

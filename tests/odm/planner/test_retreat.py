@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from naive_cells import centers
 from scipy.spatial.distance import cdist
 from shapes_drawn import draw_shapes, solids_of
 from small import draw_arm, draw_valid
+from wrappers import with_wrapper
 
 import odm
 from odm.obstacles._solids import solid_distance
@@ -15,11 +15,12 @@ from odm.planner.retreat import Retreat
 from odm.planner.settings import RetreatSettings
 from roadmap.kinematics.forward import difference
 
-solid_distance = with_door(solid_distance)
+solid_distance = with_wrapper(solid_distance)
 
 TIMES = (0.12, 0.24, 0.36, 0.48)
 _S = RetreatSettings()
-SETS_OFF, WORTH, AMPLE, DIRECTIONS = _S.sets_off_s, _S.worth, _S.ample, _S.directions
+REACTION, WORTH = _S.reaction_s, _S.min_evasion_gain
+AMPLE, DIRECTIONS = _S.ample_margin, _S.directions
 
 
 def slow_gap(planner, q, there, enough):
@@ -45,7 +46,7 @@ def slow_gap(planner, q, there, enough):
 def slow_evasion(planner, q, coming, scale):
     """Return the (2, dof) evasion from its definition, or None, and what it gains."""
     frame, robot = planner.frame, planner.robot
-    times = [max(0.0, t - SETS_OFF) for t, _ in coming]
+    times = [max(0.0, t - REACTION) for t, _ in coming]
     ample = planner.keep + AMPLE
 
     def duration(dq):
@@ -142,7 +143,7 @@ def test_shapes_of_several_moments_keep_their_places_and_faces(rng):
 def test_the_settings_say_what_is_near_and_what_a_retreat_must_gain(planner, rng):
     """With others the robot stays where it would have backed off."""
     backed = 0
-    others = RetreatSettings(near=0.0), RetreatSettings(gain=10.0)
+    others = RetreatSettings(near=0.0), RetreatSettings(min_gain=10.0)
     for _ in range(20):
         q = draw_valid(planner, rng)
         planner.step(odm.sample_capsules(draw_arm(rng), 0.03), q=q)

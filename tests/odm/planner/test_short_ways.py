@@ -6,7 +6,7 @@ from small import planner_of
 
 import odm
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import short_ways
+from roadmap.kinematics.forward import unwrapped
 from roadmap.motion.motion import time_path
 
 URDF = """<robot name="bar">
@@ -39,7 +39,7 @@ def test_a_motion_turns_where_braking_looks(planner):
     motion = time_path(planner.robot, OVER_PI)
     turns = [motion.path.at(s)[0][0] for s in np.linspace(0.0, motion.length, 9)]
     assert min(turns) >= 2.4 - 1e-9 and max(turns) <= 2.0 * np.pi - 2.4 + 1e-9
-    path = short_ways(planner.robot, OVER_PI)
+    path = unwrapped(planner.robot, OVER_PI)
     assert path.ravel() == pytest.approx([2.4, 2.0 * np.pi - 2.4])
 
 

@@ -127,7 +127,9 @@ def test_new_legs_keep_comfortable_or_save_much(small_map):
         for kept in (comfort, 0.0):
             settings = odm.PlannerSettings(smoothing_clearance=kept)
             planner = odm.ReactivePlanner(small_map, settings=settings)
-            planner.smoother.settings = SmoothingSettings(much=1.0)  # no change does
+            planner.smoother.settings = SmoothingSettings(
+                min_saving_near=1.0
+            )  # no change does
             planner.set_goals([first.path[-1]])
             planner.step(points, q=HOME)
             found.append(nearest(planner, new_legs(planner, points)))

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
+from wrappers import with_wrapper
 
 import odm
 from odm.audit.sequence_judge import Judge
@@ -12,9 +12,9 @@ from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._paths import is_on
 from roadmap.kinematics.forward import sphere_centers
 
-is_on = with_door(is_on)
-motion_deviation = with_door(motion_deviation)
-nearest_share = with_door(nearest_share)
+is_on = with_wrapper(is_on)
+motion_deviation = with_wrapper(motion_deviation)
+nearest_share = with_wrapper(nearest_share)
 
 
 def pushed_away(planner, q, toward, frames=120, push=0.003):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from scipy.sparse.csgraph import dijkstra
+from wrappers import with_wrapper
 
 import odm
 from odm.search import _cost_to_go as cost_to_go
 
-by_buckets = with_door(cost_to_go.by_buckets)
+by_buckets = with_wrapper(cost_to_go.by_buckets)
 
 
 def joined(rng, n, k):

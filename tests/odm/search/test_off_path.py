@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from small import HOME, on_its_way
+from wrappers import with_wrapper
 
 import odm
 from odm.close_test.safety import Safety
@@ -12,7 +12,7 @@ from odm.search import _paths as paths
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
 
-locate_off_path = with_door(off_path.locate_off_path)
+locate_off_path = with_wrapper(off_path.locate_off_path)
 
 
 def sum_off(planner, path, q):

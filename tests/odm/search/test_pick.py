@@ -1,9 +1,9 @@
 """The close test of a motion with only the points that lie in the motion's cells."""
 
 import numpy as np
-from doors import with_door
 from scipy.spatial.distance import cdist
 from small import draw_arm, draw_valid
+from wrappers import with_wrapper
 
 import odm
 from odm.obstacles import _occupancy as occupancy
@@ -12,7 +12,7 @@ from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
 
-part_free = with_door(judge.part_free)
+part_free = with_wrapper(judge.part_free)
 
 
 def clear_of(planner, q, dq, points):

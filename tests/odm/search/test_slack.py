@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from carrying import BALLS, HIGH
-from doors import with_door
 from naive_cells import centers
 from scipy.spatial.transform import Rotation
 from shapes_drawn import (
@@ -14,6 +13,7 @@ from shapes_drawn import (
     solids_of,
 )
 from small import AWAY, HOME, draw_valid
+from wrappers import with_wrapper
 
 import odm
 from odm.close_test._slack import displaced, in_fours, line_distance, lines_from_rod
@@ -22,13 +22,13 @@ from odm.search._measured import RESERVE, SAG
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
 
-part_free = with_door(judge.part_free)
-stands_free = with_door(judge.stands_free)
+part_free = with_wrapper(judge.part_free)
+stands_free = with_wrapper(judge.stands_free)
 
-displaced = with_door(displaced)
-in_fours = with_door(in_fours)
-line_distance = with_door(line_distance)
-lines_from_rod = with_door(lines_from_rod)
+displaced = with_wrapper(displaced)
+in_fours = with_wrapper(in_fours)
+line_distance = with_wrapper(line_distance)
+lines_from_rod = with_wrapper(lines_from_rod)
 
 MOVING = ("sphere", "capsule", "cylinder", "box")
 STEPS = (-1e-3, 0.0, 1e-3)  # shares of a motion beside a place on it

@@ -2,15 +2,15 @@
 
 import networkx as nx
 import numpy as np
-from doors import with_door
+from wrappers import with_wrapper
 
 from odm._groups import new
 from odm.search import _connect as kernels
 from odm.search._state import Trees
 
-halton = with_door(kernels.halton)
-drop = with_door(kernels.drop)
-lay_out = with_door(kernels.lay_out)
+halton = with_wrapper(kernels.halton)
+drop = with_wrapper(kernels.drop)
+lay_out = with_wrapper(kernels.lay_out)
 
 
 def radical_inverse(index, base):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from doors import with_door
+from wrappers import with_wrapper
 
 from roadmap.geometry import _self_collision as kernels
 from roadmap.geometry._self_chords import write_sags
@@ -16,7 +16,7 @@ from roadmap.geometry.self_collision import (
 from roadmap.kinematics.forward import body_frames
 from roadmap.loading.held_link import extended_collision, with_payload
 
-write_sags = with_door(write_sags)
+write_sags = with_wrapper(write_sags)
 
 ROBOTS = ["panda", "gantry", "loaded"]
 BALLS = np.array([[0.0, 0.0, 0.1, 0.05], [0.0, 0.05, 0.2, 0.04]])

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from doors import with_door
 from robot_asked import motion_free
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
+from wrappers import with_wrapper
 
 from roadmap import load_robot
 from roadmap.errors import BadConfiguration
@@ -18,7 +18,7 @@ from roadmap.geometry.self_collision import (
 )
 from roadmap.kinematics.forward import body_frames, difference
 
-separation = with_door(separation)
+separation = with_wrapper(separation)
 
 EYE = np.array([1.0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
-from doors import with_door
 from robot_asked import motion_bounds
+from wrappers import with_wrapper
 
 from roadmap.kinematics import _deviation as kernels
 from roadmap.kinematics.forward import body_frames, sphere_centers
@@ -15,8 +15,8 @@ from roadmap.motion.blending import (
     joint_motion_bounds,
 )
 
-open_legs_deviation = with_door(kernels.legs_deviation)
-highest = with_door(kernels.highest)
+open_legs_deviation = with_wrapper(kernels.legs_deviation)
+highest = with_wrapper(kernels.highest)
 
 
 @pytest.fixture(params=ROBOTS)

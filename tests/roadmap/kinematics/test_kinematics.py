@@ -10,6 +10,7 @@ from roadmap.kinematics.forward import (
     cover_balls,
     difference,
     sphere_centers,
+    wrapped,
 )
 
 N = 1000
@@ -121,6 +122,16 @@ def test_the_jacobian_agrees_with_differences(panda, gantry, rng):
 def test_a_continuous_joint_goes_the_short_way(gantry):
     dq = difference(gantry, [0.1, 3.0], [0.2, -3.0])
     assert np.allclose(dq, [0.1, 2 * np.pi - 6.0])
+
+
+def test_continuous_joints_are_wrapped_and_those_within_stay_to_the_last_bit(
+    gantry, rng
+):
+    q = rng.uniform(gantry.lower, gantry.upper, (1000, 2))
+    assert wrapped(gantry, q).tobytes() == q.tobytes()
+    turns = 2 * np.pi * rng.integers(-3, 4, 1000)[:, None] * gantry.continuous
+    assert np.allclose(wrapped(gantry, q + turns), q, atol=1e-12)
+    assert wrapped(gantry, np.full(2, np.pi))[gantry.continuous] == -np.pi
 
 
 def test_motion_bounds_hold_on_dense_samples(panda, gantry, rng):

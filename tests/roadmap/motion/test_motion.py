@@ -5,8 +5,8 @@ import time
 
 import numpy as np
 import pytest
-from doors import with_door
 from moving import DT, check_limits, draw_path
+from wrappers import with_wrapper
 
 import roadmap
 from roadmap.errors import BadInput
@@ -15,7 +15,7 @@ from roadmap.motion._timing import length_to_change
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import Motion
 
-length_to_change = with_door(length_to_change)
+length_to_change = with_wrapper(length_to_change)
 
 
 def sampled(motion):

@@ -6,7 +6,7 @@ import pytest
 
 from sim.bench.golden.golden import DIFFERENT, FAILED, HERE, SAME, first_difference, run
 
-QUICK = ("doors", "shapes", "human")
+QUICK = ("names", "shapes", "human")
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_what_differs_from_what_was_kept_is_told(odm, kept, tmp_path):
     stored = json.loads(kept.read_text())
     assert len(stored["human"]["lines"]) > 20
     stored["human"]["lines"][3] += " and more"
-    stored["doors"]["failed"] = "ValueError: it broke"
+    stored["names"]["failed"] = "ValueError: it broke"
     doctored = tmp_path / "doctored.json"
     doctored.write_text(json.dumps(stored))
     code, out, err = odm("bench", "golden", "--read", doctored, "--json")
@@ -44,7 +44,7 @@ def test_what_differs_from_what_was_kept_is_told(odm, kept, tmp_path):
     assert told["shapes"][1] == SAME and told["shapes"][4] == ""
     assert told["human"][1] == DIFFERENT and "and more" in told["human"][4]
     assert told["human"][4].startswith("line 4, ")
-    assert told["doors"][1] == FAILED and "it broke" in told["doors"][4]
+    assert told["names"][1] == FAILED and "it broke" in told["names"][4]
 
 
 def test_the_first_difference_is_told_in_words():

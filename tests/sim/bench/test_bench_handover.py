@@ -32,7 +32,7 @@ def values(result):
 
 
 def test_unsolvable_draws_are_told_apart_from_failures(draws):
-    result = draws.run(runs=2, own=True, seed=1)
+    result = draws.run(runs=2, varied=True, seed=1)
     assert values(result)["varied: planned, of 1 solvable draws"] == 0.0
     assert values(result)["varied: unsolvable draws, of 2"] == 1
     table = result["tables"][-1]
@@ -41,16 +41,16 @@ def test_unsolvable_draws_are_told_apart_from_failures(draws):
 
 
 def test_ctrl_c_tells_what_was_done(draws):
-    result = draws.run(runs=9, own=True, seed=1)
+    result = draws.run(runs=9, varied=True, seed=1)
     assert result["setup"]["ended"] == "by Ctrl-C, in varied after 3 draws"
     assert [row["seed"] for row in result["runs"]["varied"]] == [1, 2, 3]
     assert values(result)["varied: unsolvable draws, of 3"] == 1
 
 
 def test_kept_draws_are_not_done_again(draws, tmp_path, monkeypatch):
-    first = draws.run(runs=3, own=True, seed=1, out=tmp_path)
+    first = draws.run(runs=3, varied=True, seed=1, out=tmp_path)
     monkeypatch.setattr(draws, "one_run", lambda name, seed: unsolved(seed, False))
-    again = draws.run(runs=4, own=True, seed=1, out=tmp_path)
+    again = draws.run(runs=4, varied=True, seed=1, out=tmp_path)
     assert first["runs"]["varied"] == again["runs"]["varied"][:3]
     assert [row["seed"] for row in again["runs"]["varied"]] == [1, 2, 3, 4]
     assert again["setup"]["draws kept in"] == str(tmp_path)

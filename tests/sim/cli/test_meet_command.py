@@ -60,7 +60,7 @@ def meeting(meet, robot):
 
 
 def run(odm, reach_dir, *words):
-    return odm("workspace", "meet", "--robot", ROBOT, "--map", reach_dir, *words)
+    return odm("workspace", "meet", "--robot", ROBOT, "--reach", reach_dir, *words)
 
 
 def test_it_tells_what_the_workspace_holds(odm, reach_dir, meet):

@@ -361,20 +361,6 @@ def test_these_are_more_than_a_hundred():
     assert len(FLAGS + FILES + READ + RECIPES) >= 155
 
 
-@pytest.mark.parametrize(
-    ("words", "new"),
-    [
-        (("workspace", "meet", "--robot", "x", "--map", "no/map"), "--reach"),
-        (("workspace", "meet", "--robot", "x", "--human", "175"), "--height"),
-        (("run", "--map", "no/map", "--hand", "both"), "--side"),
-    ],
-)
-def test_an_older_name_of_a_flag_works_and_says_the_new_one(odm, words, new):
-    code, _, err = odm(*words)
-    notes = [line for line in err.splitlines() if line.startswith("note: ")]
-    assert code == 2 and len(notes) == 1 and f"is called {new} now" in notes[0]
-
-
 @pytest.mark.parametrize("words", [("--json", "figures"), ("--json=figures",)])
 def test_figures_go_to_a_file_of_any_name(odm, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)

@@ -28,7 +28,7 @@ def built(meet_maps):
 
 
 def request(built, motion="reach", **more):
-    asked = {"seconds": 4.0, "seed": 1, "rate": 50.0, "distance": (0.9, 0.9)}
+    asked = {"seconds": 4.0, "seed": 1, "rate": 50.0, "between": (0.9, 0.9)}
     asked |= {"targets": "meet", "reach": built[1], "json": "-"}
     return RunRequest(built[0], motion, **(asked | more))
 
@@ -116,7 +116,7 @@ def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
 def test_the_command_runs_and_writes_what_was_asked(odm, built, tmp_path):
     words = ["run", "--map", built[0], "--targets", "meet", "--reach", built[1]]
     words += ["--motion", "reach", "--seconds", "1.1", "--rate", "50"]
-    words += ["--distance", "0.8", "1.0", "--object", "mallet", "--out", tmp_path / "o"]
+    words += ["--between", "0.8", "1.0", "--object", "mallet", "--out", tmp_path / "o"]
     code, out, err = odm(*words)
     assert code == 0, err
     assert "top-ranked" in out and "target changes per minute" in out

@@ -25,7 +25,7 @@ def file(meet_maps, tmp_path_factory):
     """Return a recorded run of three seconds; nobody changes it."""
     record = tmp_path_factory.mktemp("met") / "run.npz"
     asked = {"targets": "meet", "reach": meet_maps[1], "json": "-", "record": record}
-    asked |= {"seconds": 3.0, "rate": 50.0, "distance": (0.9, 0.9), "seed": 1}
+    asked |= {"seconds": 3.0, "rate": 50.0, "between": (0.9, 0.9), "seed": 1}
     run(RunRequest(meet_maps[0], "reach", **asked))
     return record
 

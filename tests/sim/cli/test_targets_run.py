@@ -14,7 +14,7 @@ from sim.run.runner import run
 
 KEYS = (
     "run", "--targets", "meet", "--motion", "keyboard", "--rate", "50",
-    "--distance", "0.9", "0.9", "--json",
+    "--between", "0.9", "0.9", "--json",
 )  # fmt: skip
 
 
@@ -28,7 +28,7 @@ def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
         execution="timed",
         targets="meet",
         reach=meet_maps[1],
-        distance=(0.9, 0.9),
+        between=(0.9, 0.9),
         json="-",
         audit_s=0,
     )
@@ -77,7 +77,7 @@ def test_a_recording_is_played_by_the_command(odm, meet_maps, tmp_path):
     clip = write_csv(tmp_path / "clip.csv", person(120))
     words = ["run", "--targets", "meet", "--motion", "mocap", "--file", clip]
     words += ["--map", meet_maps[0], "--reach", meet_maps[1], "--seconds", "1"]
-    code, out, err = odm(*words, "--rate", "50", "--hand", "left", "--json")
+    code, out, err = odm(*words, "--rate", "50", "--side", "left", "--json")
     assert code == 0, err
     data = json.loads(out)
     assert data["run"]["frames"] == 50 and data["targets"]["contacts"] == 0
@@ -87,7 +87,7 @@ def test_nobody_in_reach_is_a_run_without_targets(odm, meet_maps):
     words = ["run", "--targets", "meet", "--map", meet_maps[0], "--reach", meet_maps[1]]
     for motion in ("sweep", "tremble"):
         more = ["--seconds", "1", "--rate", "50", "--motion", motion, "--json"]
-        code, out, err = odm(*words, *more, "--distance", "3", "3")
+        code, out, err = odm(*words, *more, "--between", "3", "3")
         assert code == 0, err
         told = json.loads(out)["targets"]
         assert told["share_of_time"] == {"no target": 1.0}

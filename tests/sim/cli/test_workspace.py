@@ -8,7 +8,7 @@ from command_line import one_sentence, started
 from small import DATA
 
 from handover import ReachMap, load_reach_map
-from sim.draw.reach_picture import by_position, fullest_layer, write_reach_plot
+from sim.draw.map_picture import by_position, fullest_layer, write_reach_plot
 
 ARM = str(DATA / "arm3.urdf")
 QUICK = ("--cell", "0.1", "--rotations", "72", "--samples", "5000", "--tip", "tool")

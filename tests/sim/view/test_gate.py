@@ -1,4 +1,4 @@
-"""The door: who may come in, and what a flood does to the others."""
+"""The gate: who may come in, and what a flood does to the others."""
 
 import asyncio
 import socket

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from roadmap.geometry._cover_lists import cover_lists
+from odm.obstacles._surfaces import cover_lists
 
 
 def rows_of(ptr, named):

@@ -1,4 +1,4 @@
-"""Doors take arrays by one function: the same arguments, a fraction of the code."""
+"""Wrappers take arrays by one function: the same arguments, a fraction of the code."""
 
 import sys
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from roadmap import door, linking
+from roadmap import linking, wrapper
 from roadmap.jit_options import FULL, LEAN
 
 FRESH = {"cache": False}
@@ -64,7 +64,7 @@ def test_groups_of_arrays_and_numbers_arrive_as_they_are(said):
 
 
 @pytest.mark.parametrize("said", [LEAN, FULL])
-def test_what_is_no_such_array_is_refused_at_the_door(said):
+def test_what_is_no_such_array_is_refused_by_the_wrapper(said):
     group, x = _given()
     loop = _fresh(said)
     loop(group, x)
@@ -78,19 +78,21 @@ def test_what_is_no_such_array_is_refused_at_the_door(said):
     assert enter(group, x) == _weighed(group, np.ones(3))
 
 
-def _size_of_door(loop):
+def _size_of_wrapper(loop):
     (compiled,) = loop.overloads.values()
     functions = compiled.library._get_module_for_linking().functions
     (found,) = [f for f in functions if f.name.startswith("_ZN7cpython")]
     return sum(1 for block in found.blocks for _ in block.instructions)
 
 
-def test_a_door_is_small(monkeypatch):
+def test_a_wrapper_is_small(monkeypatch):
     group, x = _given()
     ours = _fresh(LEAN)
     ours(group, x)
-    monkeypatch.setattr(linking, "give_small_doors", lambda context: None)
+    monkeypatch.setattr(linking, "use_small_wrappers", lambda context: None)
     numbas = _fresh(LEAN)
     numbas(group, x)
-    assert _size_of_door(ours) < 0.7 * _size_of_door(numbas)
-    assert door._TAKE in str(next(iter(ours.overloads.values())).library.get_llvm_str())
+    assert _size_of_wrapper(ours) < 0.7 * _size_of_wrapper(numbas)
+    assert wrapper._TAKE in str(
+        next(iter(ours.overloads.values())).library.get_llvm_str()
+    )

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.draw.coverage import node_counts, write_coverage_plot
+from sim.draw.map_picture import node_counts, write_coverage_plot
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from handover import load_object
-from handover.grasps.own_object import held_mesh, rods_around
+from handover.grasps.held_mesh import held_mesh, rods_around
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps

@@ -1,4 +1,4 @@
-"""Golden items by the doors: `import roadmap, odm, handover` and their names alone.
+"""Golden items by public names: `import roadmap, odm, handover` and their names alone.
 
 A part of `golden_work.py`, which runs in any checkout: nothing of `sim` is imported.
 Each item is a function of the `Shop` that yields lines, equal where nothing changed.
@@ -39,7 +39,7 @@ _SETTINGS = {
 }
 
 
-# --- what a door shows ----------------------------------------------------------------
+# --- what is public ----------------------------------------------------------------
 
 
 _MADE = (  # by users, so that how they are made is public
@@ -62,17 +62,17 @@ _METHODS = {
     handover.InteractionWorkspace: (
         "update", "build", "best", "rated", "quality_of", "remove", "restore", "forget",
     ),
-    handover.LiveTargets: ("step", "look", "heed"),
+    handover.LiveTargets: ("step", "look", "note"),
 }  # fmt: skip
 
 
-def doors(shop: object) -> Lines:  # noqa: ARG001
-    """Tell every name of a door, and how it is called."""
-    for door in (roadmap, odm, handover):
-        names = sorted(door.__all__)
-        yield f"{door.__name__}: {', '.join(names)}"
-        for name in names:
-            yield f"{door.__name__}.{name}: {_shown(name, getattr(door, name))}"
+def names(shop: object) -> Lines:  # noqa: ARG001
+    """Tell every public name of a package, and how it is called."""
+    for package in (roadmap, odm, handover):
+        found = sorted(package.__all__)
+        yield f"{package.__name__}: {', '.join(found)}"
+        for name in found:
+            yield f"{package.__name__}.{name}: {_shown(name, getattr(package, name))}"
     for kind, methods in _METHODS.items():
         for name in methods:
             yield f"{kind.__name__}.{name}: {_called(getattr(kind, name, None))}"
@@ -424,7 +424,7 @@ def shapes(shop: object) -> Lines:
 
 
 def bad_calls(shop: object) -> Lines:
-    """Tell with which sentences calls of the doors are refused."""
+    """Tell with which sentences public calls are refused."""
     cell_map = shop.loaded("arm")
     planner = odm.ReactivePlanner(cell_map)
     q, robot, none = cell_map.roadmap.nodes[0], cell_map.robot, np.zeros((0, 3))
@@ -628,7 +628,7 @@ def live(shop: object) -> Lines:
 
 
 ITEMS = {
-    "doors": doors,
+    "names": names,
     "robots": robots,
     "shapes": shapes,
     "motions": motions,

@@ -6,10 +6,10 @@ from numba.core.dispatcher import Dispatcher
 from roadmap.linking import LoopCompiler
 
 
-def with_door(loop: Dispatcher) -> Dispatcher:
+def with_wrapper(loop: Dispatcher) -> Dispatcher:
     """Return the same loop, compiled in this process, as Python can call it.
 
-    Nothing of it is kept on disk: `odm warmup` compiles no door for tests, and the
+    Nothing of it is kept on disk: `odm warmup` compiles no wrapper for tests, and the
     code of a loop without one must not be found under its name.
     """
     options = loop.targetoptions | {"no_cpython_wrapper": False}

@@ -1,9 +1,9 @@
-"""The function through which Python calls a loop: arrays are taken by one function.
+"""The wrapper through which Python calls a loop: arrays are taken by one function.
 
 Numba writes out how an array is taken from Python, and how a tuple is put together,
 once for each array. Our groups of arrays have dozens of them, and LLVM then spends
-more on the door than on the loop behind it. Here a function of the door takes an array
-and writes where it lies into the group; the door calls it for each.
+more on this wrapper than on the loop. Here one function of the wrapper takes an array
+and writes where it lies into the group; the wrapper calls it for each.
 """
 
 from types import MethodType
@@ -28,8 +28,8 @@ _ITEMSIZE = 3  # its place in an array, after two addresses and the number of it
 _MEMBERS = (types.Number, types.Boolean, types.Array)
 
 
-def give_small_doors(context: BaseContext) -> None:
-    """Let a context of one compilation make its doors here."""
+def use_small_wrappers(context: BaseContext) -> None:
+    """Let a context of one compilation make its wrappers here."""
     context.create_cpython_wrapper = MethodType(_create, context)
 
 
@@ -41,21 +41,21 @@ def _create(
     call_helper: object,
     release_gil: bool = False,
 ) -> None:
-    """Write the door of a loop into its library, as numba's own context does."""
+    """Write the wrapper of a loop into its library, as numba's own context does."""
     module = context.create_module("wrapper")
     kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
     callee = ir.Function(module, kind, fndesc.llvm_func_name)
-    _Door(context, module, callee, fndesc, env, call_helper, release_gil).build()
+    _Wrapper(context, module, callee, fndesc, env, call_helper, release_gil).build()
     library.add_ir_module(module)
 
 
-class _Door(PyCallWrapper):
+class _Wrapper(PyCallWrapper):
     """Numba's own, but for how arrays are taken."""
 
     def build_wrapper(
         self, api: PythonAPI, builder: ir.IRBuilder, *given: ir.Value
     ) -> None:
-        """Write the body of the door."""
+        """Write the body of the wrapper."""
         super().build_wrapper(_Taking(self.context, builder), builder, *given)
 
 

@@ -20,7 +20,7 @@ from roadmap.robot.robot import Robot
 from roadmap.transforms import moved_points, pose_of, pose_with
 
 GRASPING = GraspSettings(samples=60)  # enough for one good grasp, in seconds
-MOST_RODS = 12  # each costs every frame
+_MOST_RODS = 12  # each costs every frame
 FIST = 0.06  # [m] of the object must stick out of the gripper for a person's hand
 _CLEAR_FIST = 0.07  # [m] from the gripper to the middle of that hand, or it is in it
 _ENOUGH = 0.15  # [m] more than this is no better
@@ -88,10 +88,10 @@ def _held(
     return HeldObject(thing.name, rods_around(own), thing.mass_kg, T, grasps, turns)
 
 
-def rods_around(corners: np.ndarray, most: int = MOST_RODS) -> np.ndarray:
+def rods_around(corners: np.ndarray) -> np.ndarray:
     """Return capsules (k, 7) that hold all triangles (m, 3, 3), along the x axis [m].
 
-    Around as few strips as `most` allows, of about square sections: the finer, the less
+    Around as few strips as allowed, of about square sections: the finer, the less
     sticks out.
     """
     import trimesh
@@ -102,8 +102,8 @@ def rods_around(corners: np.ndarray, most: int = MOST_RODS) -> np.ndarray:
     fine = v[f]
     low, size = fine.min(axis=(0, 1)), np.ptp(fine, axis=(0, 1))
     best: np.ndarray | None = None
-    for ny in range(1, most + 1):
-        for nz in range(1, most // ny + 1):
+    for ny in range(1, _MOST_RODS + 1):
+        for nz in range(1, _MOST_RODS // ny + 1):
             n = np.array([ny, nz])
             cell = (fine.mean(axis=1)[:, 1:] - low[1:]) / np.maximum(size[1:], 1e-9) * n
             which = np.clip(cell.astype(int), 0, n - 1) @ [nz, 1]
