@@ -1,5 +1,7 @@
 """How far hulls that the links sweep are from those of obstacles, by GJK."""
 
+import math
+
 from numba import njit
 
 from roadmap.geometry._gjk import Shell, separation
@@ -19,42 +21,37 @@ def hulls_apart(points, ptr, slack, radii, least, frame, room, free):
         radii: (j,) by which the obstacles are larger than their hulls [m].
         least: (k, j) distance that is asked of each pair [m].
         frame: (12,) the pose of the base, which is in the origin.
-        room: (21, 3) work space.
+        room: (17, 3) work space.
         free: (k, j) gets whether it has that distance.
     """
     k, apart = least.shape[0], True
-    box, other, v, s = room[:2], room[2:4], room[4], room[5:]
+    v, s = room[0], room[1:]
     for i in range(k):
         hull = Shell(ptr[i], ptr[i + 1], frame)
-        _box(points, hull.begin, hull.end, box)
+        low, high = _box(points, hull.begin, hull.end)
         for j in range(least.shape[1]):
             thing = Shell(ptr[k + j], ptr[k + j + 1], frame)
             need = radii[j] + least[i, j] + slack[i]
-            _box(points, thing.begin, thing.end, other)
-            free[i, j] = _box_gap(box, other) >= need
+            lower, upper = _box(points, thing.begin, thing.end)
+            gap = -math.inf
+            for a in range(3):
+                gap = max(gap, lower[a] - high[a], low[a] - upper[a])
+                v[a] = 0.5 * (low[a] + high[a] - lower[a] - upper[a])
+            free[i, j] = gap >= need
             if free[i, j]:
                 continue
-            for a in range(3):
-                v[a] = 0.5 * (box[0, a] + box[1, a] - other[0, a] - other[1, a])
             free[i, j] = separation(points, hull, thing, v, need, s)[0] >= need
             apart = apart and free[i, j]
     return apart
 
 
 @njit(**INNER)
-def _box(points, begin, end, box):
-    """Write the corners (2, 3) of the box around some points."""
-    for a in range(3):
-        box[0, a] = box[1, a] = points[begin, a]
-        for r in range(begin + 1, end):
-            box[0, a] = min(box[0, a], points[r, a])
-            box[1, a] = max(box[1, a], points[r, a])
-
-
-@njit(**INNER)
-def _box_gap(one, other):
-    """Return how far two boxes (2, 3) are apart along one axis [m]."""
-    gap = -1e300
-    for a in range(3):
-        gap = max(gap, other[0, a] - one[1, a], one[0, a] - other[1, a])
-    return gap
+def _box(points, begin, end):
+    """Return the low and the high corner of the box around some points."""
+    lx = ly = lz = math.inf
+    hx = hy = hz = -math.inf
+    for r in range(begin, end):
+        x, y, z = points[r, 0], points[r, 1], points[r, 2]
+        lx, ly, lz = min(lx, x), min(ly, y), min(lz, z)
+        hx, hy, hz = max(hx, x), max(hy, y), max(hz, z)
+    return (lx, ly, lz), (hx, hy, hz)

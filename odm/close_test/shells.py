@@ -102,7 +102,7 @@ class Shells:
         self._frames = np.zeros((2 * n_bodies, 12))
         self._rates = np.zeros((2, n_bodies))
         self._first, self._second = np.zeros(len(these)), np.zeros(len(these))
-        self._room = np.zeros((21, 3))
+        self._room = np.zeros((17, 3))
         self.show(Hulls.of_rods(np.zeros((0, 7))))
 
     def __len__(self) -> int:

@@ -18,7 +18,7 @@ OUT = 1.2e-3  # [m] a shell, or the prism around a cylinder, sticks out so far a
 
 
 def test_hulls_are_apart_where_they_are_by_their_definition(rng):
-    room, told = np.zeros((21, 3)), []
+    room, told = np.zeros((17, 3)), []
     for _ in range(300):
         hulls = [rng.normal(0.0, 0.1, (int(rng.integers(4, 9)), 3)) for _ in range(2)]
         rods = rng.normal(0.0, 0.4, (2, 2, 3))
