@@ -158,11 +158,13 @@ class Retreat:
             shells = self._shells = Shells(frame.static.robot)
         points = frame.points[: frame.n_given]
         if len(points):  # from others no sphere is nearer than it must be anyway
-            from scipy.spatial import cKDTree
+            from scipy.spatial.distance import cdist
 
-            spheres = frame.memory.work.anchor[: len(frame.radii)]
-            away = cKDTree(spheres).query(points)[0]
-            points = points[away < frame.radii.max() + close.ESCAPE_SLACK]
+            balls, radii = frame.memory.work.anchor, frame.radii + close.ESCAPE_SLACK
+            low = (balls.T - radii).min(axis=1)
+            high = (balls.T + radii).max(axis=1)
+            points = points[((low <= points) & (points <= high)).all(axis=1)]
+            points = points[(cdist(points, balls) < radii).any(axis=1)]
         shells.show(Hulls.of(points, frame.solids))
         needs = shells.needs(q, frame.keep_from_shapes)
         return lambda dq: shells.leave(q, dq, needs)
