@@ -1,17 +1,10 @@
 """A stop tested by the shells of the links, where the cover is too thick for it.
 
-The spheres of the cover stick out of the links by one or two centimetres. Who comes so
-near to a robot that stands would pin it: no motion, not even one that leaves, passes
-the braking test by its cover. The shells (`Robot.shell_points`) are convex, contain
-the links, and stick out of them by a millimetre.
-
-What a link sweeps while q goes straight from q0 to q1: a vertex goes from p0 to p1, and
-is never farther from the straight line between the two than |p''| / 8, with p'' bounded
-over the whole piece (`motion_bounds`). So the link is within that of the convex hull of
-its vertices at q0 and at q1. The person is held meanwhile by capsules
-(`odm.execution.threat`). The distance of the hull from a capsule's axis is bounded from
-below by GJK; the piece is free where that is at least the capsule's radius, what the
-vertices bend, and the margin that was asked for.
+Who comes so near to a robot that stands that they are within its cover would pin it: no
+motion, not even one that leaves, passes the braking test by the cover. The shells
+(`odm.close_test.shells`) stick out of the links by a millimetre. The person is held
+meanwhile by capsules (`odm.execution.threat`); a piece of the stop is free where what
+the links sweep keeps from them the margin that was asked for.
 
 Rounded corners are no straight pieces: a motion that has one before its stop fails.
 """
@@ -22,64 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from odm.execution._shell_test import hulls_apart
+from odm.close_test.shells import Hulls, Shells
 from odm.execution.settings import StopTestSettings
 from odm.execution.threat import Threat
-from roadmap.arrays import frozen, writable
 from roadmap.geometry.gaps import moved_rods
-from roadmap.kinematics import _forward as kernels
 from roadmap.motion.motion import Motion
-from roadmap.robot.robot import Robot
-
-_BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
-
-
-class _Shells:
-    """The shells of a robot's moving links, and room for what they sweep."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
-        sizes = np.diff(robot.shell_ptr)
-        body = robot.link_body[robot.shell_link]
-        these = np.flatnonzero(body > 0)  # the base does not move
-        rows = [np.arange(*robot.shell_ptr[k : k + 2]) for k in these]
-        which = np.concatenate([*rows, np.zeros(0, int)])
-        self.points = frozen(robot.shell_points[which], np.float64)
-        self.body = frozen(np.repeat(body, sizes)[which], np.int32)
-        # of one type with those of the close test, so that no loop is compiled twice
-        self.tree = writable(robot.tree_i), writable(robot.tree_f)
-        self.reach = writable(robot.shell_reach[these])
-        # of each hull: its vertices at q0, then at q1
-        self.ptr = 2 * np.r_[0, np.cumsum(sizes[these])].astype(np.int64)
-        n = len(which)
-        shifts = np.repeat(self.ptr[:-1] // 2, sizes[these])
-        self._at_0 = np.arange(n) + shifts
-        self._at_1 = self._at_0 + np.repeat(sizes[these], sizes[these])
-        self.swept = np.zeros((2 * n + 2, 3))
-        self._placed = np.zeros((n, 3))
-        self._frames = np.zeros((len(robot.tree_i), 12))
-        self._rates = np.zeros((2, len(robot.tree_i)))
-        self.first, self.second = np.zeros(len(these)), np.zeros(len(these))
-        self.room = np.zeros((19, 3))
-
-    def sweep(self, q0: np.ndarray, q1: np.ndarray) -> bool:
-        """Place all vertices at both ends of a piece; return whether they are known."""
-        for q, rows in ((q0, self._at_0), (q1, self._at_1)):
-            kernels.body_frames(*self.tree, writable(q), self._frames)
-            kernels.place_points(self._frames, self.body, self.points, self._placed)
-            self.swept[rows] = self._placed
-        tree = *self.tree, self.reach
-        dq = np.ascontiguousarray(q1 - q0)
-        kernels.motion_bounds(*tree, dq, self._rates, self.first, self.second)
-        return bool(np.isfinite(self.swept).all() and np.isfinite(self.second).all())
-
-    def apart(self, capsules: np.ndarray, least: float) -> bool:
-        """Whether what was swept keeps a distance from capsules (j, 7) [m]."""
-        rows = np.ascontiguousarray(capsules)
-        if not np.isfinite(rows).all():
-            return False
-        shells = (self.swept, self.ptr, self.second / 8.0, rows, least)
-        return bool(hulls_apart(*shells, _BASE, self.room))
 
 
 class ShellTest:
@@ -87,7 +27,7 @@ class ShellTest:
 
     def __init__(self, planner: Any) -> None:  # noqa: ANN401
         self.planner, self.settings = planner, StopTestSettings()
-        self._shells: _Shells | None = None
+        self._shells: Shells | None = None
 
     def passes(
         self,
@@ -105,8 +45,8 @@ class ShellTest:
         robot = self.planner.static.robot
         shells = self._shells
         if shells is None or shells.robot is not robot:
-            shells = self._shells = _Shells(robot)
-        if not len(shells.points):
+            shells = self._shells = Shells(robot)
+        if not len(shells):
             return False  # a robot without solids is its cover
         before = max(begin - t, 0.0)
         parts = ((motion, t, t + before, 0.0), (stop, 0.0, stop.duration, before))
@@ -114,7 +54,7 @@ class ShellTest:
 
     def _clear(
         self,
-        shells: _Shells,
+        shells: Shells,
         motion: Motion,
         begin: float,
         end: float,
@@ -141,7 +81,7 @@ class ShellTest:
     def _pieces_free(
         self,
         times: list[float],
-        shells: _Shells,
+        shells: Shells,
         motion: Motion,
         later: float,
         threat: Threat,
@@ -155,10 +95,11 @@ class ShellTest:
                 return False
             rows = moved_rods(there.capsules, T)
             rows[:, 6] += more
+            shells.show(Hulls.of_rods(rows))
             corners = motion.path_from(a, motion.place(b))
             legs = list(zip(corners[:-1], corners[1:], strict=True))
             for q0, q1 in legs or [(corners[0], corners[0])]:
-                if not (shells.sweep(q0, q1) and shells.apart(rows, least)):
+                if not (shells.sweep(q0, q1) and shells.apart(least)):
                     return False
         return True
 

@@ -98,7 +98,7 @@ class Reasons:
                 f"the start is in contact: {what} is {_less(gap, keep)} from the "
                 f"cover of {link}, closer than {in_cm(keep)}; move it "
                 f"{_more(keep - gap)} away, or let the robot get out of its way "
-                "(answer.retreat)"
+                f"(answer.retreat){self._denser(gap, point)}"
             )
             return text, self._around(self.q, link, point, None)
         refused = self._goals_refused()
@@ -115,7 +115,7 @@ class Reasons:
             )
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
-            text += ", or give another goal"
+            text += f", or give another goal{self._denser(gap, point)}"
             return text, self._around(goals[0], link, point, 0)
         g = next(k for k in range(len(rows)) if k not in blocked)
         at_goal = rows[g].gap - rows[g].keep < gap - keep
@@ -145,6 +145,18 @@ class Reasons:
         text += f"; {searched}" if searched else ""
         where = goals[g] if at_goal else self.q
         return text, self._around(where, link, point, g)
+
+    def _denser(self, gap: float, point: int) -> str:
+        """Say how dense points would have to be for `gap` [m] to do; or nothing."""
+        told = self.frame.sampled != (None, None) or point < 0
+        spare = np.floor(1000.0 * (gap - self.frame.keep_from_shapes)) / 1000.0
+        if told or spare <= 0.0:
+            return ""
+        return (
+            f"; {in_cm(self.frame.rho)} of it are kept for what lies between points: "
+            f"if no place of a surface is more than {in_cm(spare)} from one, say so "
+            "(covering_radius)"
+        )
 
     def _goals_refused(self) -> str | None:
         """Say why no goal can be reached in this place, whatever moves; or None."""

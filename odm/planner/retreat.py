@@ -1,6 +1,6 @@
 """Backing off and escape: a motion to offer while no path to a goal is free."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from odm.checks import check_numbers, check_points
 from odm.close_test import _close as close
 from odm.close_test.close_test import NO_SOLIDS
+from odm.close_test.shells import Hulls, Shells
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Frame
 from odm.obstacles._cloud import N_OCCUPIED
@@ -30,6 +31,7 @@ class Retreat:
         settings: RetreatSettings = RetreatSettings(),
     ) -> None:
         self.frame, self.attacher, self.settings = frame, attacher, settings
+        self._shells: Shells | None = None
         self._rooms: list[tuple[SortedCloud, SolidRoom]] = []
 
     def back_off(self, q: np.ndarray) -> np.ndarray | None:
@@ -37,8 +39,9 @@ class Retreat:
 
         Where no sphere is nearer than its radius + rho + m, the motion is free as any
         other (back off). Where one is, the motion is one along which no sphere comes
-        nearer to any such point than it is now (escape). It is also free of limits,
-        self-collision and scenery. None where nothing is near or nothing helps.
+        nearer to any such point than it is now (escape), and no link either, by its
+        shell (`Shells.leave`). It is also free of limits, self-collision and scenery.
+        None where nothing is near or nothing helps.
         """
         frame, s = self.frame, self.settings
         if frame.memory.cloud.counts[N_OCCUPIED] == 0:
@@ -48,6 +51,7 @@ class Retreat:
             return None
         best, found = now + s.min_gain, None
         escape = self._place_anchor(q)
+        links_leave = self._links_leave(q) if escape else None
         for node in self.attacher.nearest(q, s.tried):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
             for share in s.shares:
@@ -55,7 +59,8 @@ class Retreat:
                 gap = frame.separation(end)
                 if gap <= best:
                     continue
-                if self._is_clear(q, share * dq, escape):
+                clear = self._is_clear(q, share * dq, escape)
+                if clear and (links_leave is None or links_leave(share * dq)):
                     best, found = gap, np.stack([q, end])
                     break
         return found
@@ -68,7 +73,7 @@ class Retreat:
     ) -> np.ndarray | None:
         """Return a (2, dof) motion from q away from obstacles that come, or None.
 
-        It is free of what is in the frame, or an escape from that, as in `back_off`. Of
+        It is free of what is in the frame, or no sphere comes nearer to it than now. Of
         the motions to near nodes it keeps most distance: at each of the given times the
         robot, as far as it has come, is compared with the obstacles of that time. The
         first motion that keeps plenty is taken; it must gain clearly over standing
@@ -145,6 +150,24 @@ class Retreat:
         m = self.frame.memory
         close.place_anchor(m.arm, q, m.work)
         return bool(self.frame.separation(q) < self.frame.keep)
+
+    def _links_leave(self, q: np.ndarray) -> Callable[[np.ndarray], bool]:
+        """Return a test of motions dq from q, where the anchor is: by the shells."""
+        frame, shells = self.frame, self._shells
+        if shells is None or shells.robot is not frame.static.robot:
+            shells = self._shells = Shells(frame.static.robot)
+        points = frame.points[: frame.n_given]
+        if len(points):  # from others no sphere is nearer than it must be anyway
+            from scipy.spatial.distance import cdist
+
+            balls, radii = frame.memory.work.anchor, frame.radii + close.ESCAPE_SLACK
+            low = (balls.T - radii).min(axis=1)
+            high = (balls.T + radii).max(axis=1)
+            points = points[((low <= points) & (points <= high)).all(axis=1)]
+            points = points[(cdist(points, balls) < radii).any(axis=1)]
+        shells.show(Hulls.of(points, frame.solids))
+        needs = shells.needs(q, frame.keep_from_shapes)
+        return lambda dq: shells.leave(q, dq, needs)
 
     def _is_clear(self, q: np.ndarray, dq: np.ndarray, escape: bool) -> bool:
         dq = np.ascontiguousarray(dq)

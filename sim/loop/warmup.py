@@ -373,7 +373,7 @@ def _measure(cell_map: CellMap) -> None:
 
 
 def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
-    from odm.execution._shell_test import hulls_apart
+    from odm.close_test.shells import Hulls, Shells
     from odm.execution._speed import allowed_share
     from odm.execution.shell_test import ShellTest
     from odm.execution.threat import Watcher
@@ -391,9 +391,9 @@ def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     motion = time_path(planner.robot, np.array([q, q + 1e-3]))
     ShellTest(planner).passes(motion, 0.0, 0.0, motion.stop(0.0), threat, 0.0)
     # a robot without shells has not come so far
-    base, ptr = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0]), np.array([0, 1])
-    room = np.zeros((19, 3))
-    hulls_apart(np.zeros((3, 3)), ptr, np.zeros(1), arm, 0.0, base, room)
+    shells = Shells(planner.robot)
+    shells.show(Hulls.of_rods(arm))
+    shells.apart(0.0)
 
 
 def _person() -> None:

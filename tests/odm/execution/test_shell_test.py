@@ -4,12 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from naive_hull import hull_distance
 
 import odm
 import roadmap
 from odm.audit.exact import ExactRobot
-from odm.execution._shell_test import hulls_apart
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
@@ -17,31 +15,11 @@ from odm.obstacles.shapes import Capsule
 from roadmap.kinematics.forward import sphere_centers
 
 PERIOD = 0.01
-BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
 
 
 @pytest.fixture(scope="module")
 def lean(small_map):
     return odm.ReactivePlanner(small_map)
-
-
-def test_hulls_are_apart_where_they_are_by_their_definition(rng):
-    room, told = np.zeros((19, 3)), []
-    for _ in range(300):
-        hulls = [rng.normal(0.0, 0.1, (int(rng.integers(4, 9)), 3)) for _ in range(2)]
-        ptr = np.r_[0, np.cumsum([len(h) for h in hulls])]
-        points = np.vstack([*hulls, np.zeros((2, 3))])
-        rows = np.column_stack([rng.normal(0.0, 0.4, (2, 6)), rng.uniform(0, 0.1, 2)])
-        slack, least = rng.uniform(0.0, 0.01, 2), 0.02
-        apart = hulls_apart(points, ptr, slack, rows, least, BASE, room)
-        more = [
-            hull_distance(hull, row[:3], row[3:6]) - row[6] - least - slack[i]
-            for i, hull in enumerate(hulls)
-            for row in rows
-        ]
-        told.append(apart)
-        assert apart == (min(more) >= 0.0) or abs(min(more)) < 1e-6
-    assert 30 < sum(told) < 270
 
 
 def case_of(robot, rng, near):

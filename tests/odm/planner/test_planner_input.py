@@ -105,6 +105,27 @@ def test_what_is_too_near_reads_as_nearer_than_what_is_kept(planner):
     assert float(gap) < float(keep), reason
 
 
+@pytest.mark.parametrize(("q", "goal"), [(HOME, AWAY), (AWAY, HOME)])
+def test_how_dense_points_must_be_for_a_place_to_be_free_is_told(planner, q, goal):
+    """At HOME the robot starts, or ends."""
+    planner.set_goals([goal])
+    said = 0
+    for x in np.arange(0.3, 0.9, 0.01):
+        ball = ball_at([x, 0.0, 0.3], 0.05)
+        reason = planner.step(ball, q=q).reason or ""
+        found = re.search(r"more than (\S+) cm from one, say so", reason)
+        if found is None:
+            continue
+        said += 1
+        for share, free in ((1.0, True), (1.2, False)):
+            radius = 0.01 * share * float(found[1])
+            answer = planner.step(ball, q=q, covering_radius=min(radius, planner.rho))
+            words = ("in contact", "is blocked")
+            assert free != any(word in (answer.reason or "") for word in words), x
+            assert "say so" not in (answer.reason or "")
+    assert said
+
+
 def test_no_goal_holds(planner):
     assert "set_goals" in planner.step(NOBODY, q=HOME).reason
 

@@ -32,7 +32,7 @@ for package in (odm, roadmap):
             value for value in vars(importlib.import_module(info.name)).values()
             if isinstance(value, Dispatcher)
         }
-from odm.execution._shell_test import hulls_apart
+from odm.close_test._shells import hulls_apart
 from odm.execution._speed import allowed_share
 from odm.execution._threat import follow
 from odm.execution.shell_test import ShellTest
