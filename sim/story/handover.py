@@ -182,7 +182,7 @@ class Handover:
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
-        beside = meet.obj.capsules, s.room
+        beside = meet.obj.capsules, max(s.room, self._berth.room)
         self._grasps = grasps
         placeable = self._placeable(grasps)  # the others are taken where none reaches
         in_order = grasps[np.argsort(~placeable, kind="stable")]
@@ -247,8 +247,8 @@ class Handover:
         executor = self.executor
         stands = executor.reason if not why or executor.state == STANDING else ""
         kept = self._why_kept if self.state == table.KEPT else ""
-        told = [self.machine.reason, self._weak_pull(), kept, why, stands]
-        told.append(self._no_time)
+        told = [self.machine.reason, self._weak_pull(), self._too_rare(), kept, why]
+        told += [stands, self._no_time]
         return "; ".join(t for t in told if t)
 
     def _weak_pull(self) -> str:
@@ -261,6 +261,21 @@ class Handover:
             f"{pull.counts_from:.1f} N that count now: pull harder, or give a smaller "
             "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
             "tare the sensor, or tell what the object weighs (mass_kg)"
+        )
+
+    def _too_rare(self) -> str:
+        """Return what to do about frames too rare to close on an object; or empty."""
+        period, most, berth = self.executor.period, self.conduct.too_rare, self._berth
+        vain = {e.signal for e in self.events} & {"blocked", "in_vain", "hindered"}
+        rare = berth.comes > most and 2.0 * period > berth.stop_s
+        if self._give or self.holding or not (vain and rare):
+            return ""
+        return (
+            f"frames come every {1e3 * period:.0f} ms, and what is held out may come "
+            f"{100 * berth.comes:.1f} cm nearer until the robot saw it and stopped "
+            f"(limit {100 * most:.1f} cm): give frames more often, hold it still "
+            "between the fingers, or, for people who hold still, give "
+            "StorySettings(threat=ThreatSettings(acceleration=...))"
         )
 
     @property
@@ -1152,7 +1167,9 @@ class Handover:
         balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         held = getattr(self.answer, "status", "") == "holding"
         hindered = self.executor.state in (SLOWED, BRAKED, STANDING)
-        there = berth.around(there, seen.people, balls, held, hindered)
+        offered = self.view.offered if self.state == table.APPROACH else 0
+        told = balls, held, hindered
+        there = berth.around(there, seen.people + offered, *told)
         self.targets.told_larger = berth.told
         return there
 
