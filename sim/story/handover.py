@@ -265,17 +265,18 @@ class Handover:
 
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""
-        period, most, berth = self.executor.period, self.conduct.too_rare, self._berth
+        most, berth = self.conduct.too_rare, self._berth
         vain = {e.signal for e in self.events} & {"blocked", "in_vain", "hindered"}
-        rare = berth.comes > most and 2.0 * period > berth.stop_s
-        if self._give or self.holding or not (vain and rare):
+        if self._give or self.holding or not vain or berth.comes <= most:
             return ""
         return (
-            f"frames come every {1e3 * period:.0f} ms, and what is held out may come "
-            f"{100 * berth.comes:.1f} cm nearer until the robot saw it and stopped "
-            f"(limit {100 * most:.1f} cm): give frames more often, hold it still "
-            "between the fingers, or, for people who hold still, give "
-            "StorySettings(threat=ThreatSettings(acceleration=...))"
+            f"with a frame every {1e3 * self.executor.period:.0f} ms it stands "
+            f"{1e3 * berth.stop_s:.0f} ms after what it saw, and by then what is held "
+            f"out may have come {100 * berth.comes:.1f} cm nearer (limit "
+            f"{100 * most:.1f} cm): give frames more often, the robot's own limits of "
+            "acceleration and jerk, or, for people who hold still, "
+            "StorySettings(threat=ThreatSettings(acceleration=...)); or hold it still "
+            "between the fingers"
         )
 
     @property
@@ -558,7 +559,7 @@ class Handover:
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(frame),
             "unfelt": passed > limit and not self._pull.felt,
-            "weak_pull": passed > limit and self._pull.was_weak,
+            "weak_pull": passed > limit and self._pull.weak > 0.0,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
             "late_holding": passed > limit and self.holding,

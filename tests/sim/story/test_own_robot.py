@@ -185,10 +185,10 @@ def test_what_is_held_out_is_passed_with_the_berth_of_who_holds_it(
 @pytest.mark.parametrize(("period", "told"), [(0.01, False), (0.1, True)])
 def test_frames_too_rare_to_close_on_what_is_held_out_are_told(maps, period, told):
     story, _ = story_of(maps, direction="receive", period=period)
-    assert "frames come" not in story.reason
+    assert "a frame every" not in story.reason
     story.machine.step({"arrived"}, 0.0), story.machine.step({"steady"}, 0.0)
     story.machine.step({"blocked"}, 0.0)
-    wanted = r"every 100 ms.* \d+\.\d cm nearer.*limit 2.5 cm.*more often"
+    wanted = r"frame every 100 ms.* \d+\.\d cm nearer.*limit 2.5 cm.*more often"
     assert bool(re.search(wanted, story.reason)) == told
 
 
