@@ -266,7 +266,8 @@ class Handover:
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""
         most, berth = self.conduct.too_rare, self._berth
-        vain = {e.signal for e in self.events} & {"blocked", "in_vain", "hindered"}
+        told = {e.signal for e in self.events}
+        vain = told & {"blocked", "in_vain", "hindered"} and "free" not in told
         if self._give or self.holding or not vain or berth.comes <= most:
             return ""
         return (
