@@ -57,9 +57,9 @@ class SpeedSettings(CheckedSettings):
         hand_speed: Largest speed of any robot point there, in any direction [m/s].
         body_near, body_speed: The same of any part of the person [m], [m/s]: what goes
             past a face or a trunk is no closing speed, but nobody likes it fast.
-        hand_jerk: Largest jerk of any point near the hand, along its path [m/s3]: that of a
-            hand which reaches half a metre in a second (60 D / T^3 of a minimum-jerk
-            motion). Stops do not keep it.
+        hand_jerk: Largest jerk of any point near the hand, along its path [m/s3]: that
+            of a hand which reaches half a metre in a second (60 D / T^3 of a
+            minimum-jerk motion). Stops do not keep it.
     """
 
     reaction_s: float = setting(0.02, 0.001, 10.0, "s")
