@@ -248,7 +248,7 @@ class Handover:
         stands = executor.reason if not why or executor.state == STANDING else ""
         kept = self._why_kept if self.state == table.KEPT else ""
         told = [self.machine.reason, self._weak_pull(), self._too_rare(), kept, why]
-        told += [stands, self._no_time]
+        told += [stands, self._who_touches(), self._no_time]
         return "; ".join(t for t in told if t)
 
     def _weak_pull(self) -> str:
@@ -262,6 +262,20 @@ class Handover:
             "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
             "tare the sensor, or tell what the object weighs (mass_kg)"
         )
+
+    def _who_touches(self) -> str:
+        """Return who is at a robot that waits for a hand, that arm apart; or empty."""
+        last, executor = self._last, self.executor
+        if last is None or self.view.phase is None or not executor.at_rest:
+            return ""
+        others = np.setdiff1d(np.arange(last.people), self.view.meant)
+        robot, q = self.planner.static.robot, executor.set_point.q
+        balls = cover_balls(robot, q)[robot.moving]
+        gaps = ball_gaps(balls, last.there.capsules[others]).min(axis=0, initial=np.inf)
+        if not (gaps < 0.0).any():
+            return ""
+        word = self._words[others[gaps.argmin()]] or "somebody"
+        return f"{word} is at the robot: it stands until they are farther"
 
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""

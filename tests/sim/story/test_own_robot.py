@@ -182,6 +182,23 @@ def test_what_is_held_out_is_passed_with_the_berth_of_who_holds_it(
     assert np.allclose(told[0][-len(rods) :], rods[:, 6] + room)
 
 
+@pytest.mark.parametrize(("away", "told"), [(0.4, False), (0.0, True)])
+def test_who_walks_into_a_robot_that_waits_for_their_hand_is_told(maps, away, told):
+    """It said for as long as they stood there that a hand was near."""
+    story, human = story_of(maps)
+    story.machine = Machine(TABLES["give"], "wait")
+    story._enter()
+    tip = tool_pose(story.planner.robot, story.executor.set_point.q)[:3, 3]
+    T = human.T_world_pelvis.copy()
+    T[:3, 3] = tip + [away + 0.1, 0.0, -0.2]
+    human = human.moved(T)
+    rows, labels = human.capsules(), human.labels
+    seen = np.flatnonzero(labels == Part.TORSO)
+    parts = dict(capsules=rows[seen], labels=labels[seen])
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True, **parts))
+    assert ("torso is at the robot" in story.reason) == told
+
+
 @pytest.mark.parametrize(("period", "told"), [(0.01, False), (0.1, True)])
 def test_frames_too_rare_to_close_on_what_is_held_out_are_told(maps, period, told):
     story, _ = story_of(maps, direction="receive", period=period)
