@@ -20,9 +20,10 @@ def allowed_share(balls, ahead, rate, moving, capsules, rates, hands, rule):
         capsules: (k, 7) the person: a, b, radius [m].
         rates: (k, 6) velocities of a and b [m/s]; NaN where they are not known.
         hands: (j, 7) capsules of the hands that take part [m].
-        rule: (7,) reaction and stopping time [s], distance that is lost to errors [m],
+        rule: (9,) reaction and stopping time [s], distance that is lost to errors [m],
             least speed that is always allowed, speed of what is not known [m/s]; how
-            near to a hand is near [m], and the speed allowed there [m/s].
+            near to a hand is near [m], and the speed allowed there [m/s]; the same two
+            of any capsule.
     """
     share, least = 1.0, rule[3]
     for i in moving:
@@ -63,8 +64,9 @@ def _pair_share(place, velocity, rod, rates, rule):
         known = -(px * nx + py * ny + pz * nz)
         if known == known:
             coming = max(known, 0.0)
+    beside = rule[8] / velocity[3] if gap < rule[7] else 1.0
     if not toward > least:
-        return 1.0
+        return beside
     room = gap - coming * (reaction + stopping) - lost
     may = max(room / (reaction + 0.5 * stopping), least)
-    return may / toward
+    return min(may / toward, beside)

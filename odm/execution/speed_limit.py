@@ -52,12 +52,14 @@ class SpeedSettings(CheckedSettings):
         least_speed: The robot is never slowed below this [m/s]; 0.15 is well below the
             0.25 m/s at which robots beside people are commonly taught.
         unknown_speed: v_h of what is not measured [m/s]: walking, as of ISO 13855.
-        hand_near: Distance from the hand that takes part within which the next two
-            count [m]: both are for comfort, and no terms of the standard.
+        hand_near: Distance from the hand that takes part within which `hand_speed` and
+            `hand_jerk` count [m]: these four are for comfort, no terms of the standard.
         hand_speed: Largest speed of any robot point there, in any direction [m/s].
-        hand_jerk: Largest jerk of any point there, along its path [m/s3]: that of a
-            hand which reaches half a metre in a second (60 D / T^3 of a minimum-jerk
-            motion). Stops do not keep it.
+        body_near, body_speed: The same of any part of the person [m], [m/s]: what goes
+            past a face or a trunk is no closing speed, but nobody likes it fast.
+        hand_jerk: Largest jerk of any point near the hand, along its path [m/s3]: that
+            of a hand which reaches half a metre in a second (60 D / T^3 of a
+            minimum-jerk motion). Stops do not keep it.
     """
 
     reaction_s: float = setting(0.02, 0.001, 10.0, "s")
@@ -69,6 +71,8 @@ class SpeedSettings(CheckedSettings):
     hand_near: float = setting(0.25, 0.0, 10.0, "m")
     hand_speed: float = setting(0.5, 0.001, 100.0, "m/s")
     hand_jerk: float = setting(30.0, 0.1, np.inf, "m/s3")
+    body_near: float = setting(0.20, 0.0, 10.0, "m")
+    body_speed: float = setting(0.8, 0.001, 100.0, "m/s")
 
 
 class SpeedLimit:
@@ -81,7 +85,8 @@ class SpeedLimit:
         lost = s.intrusion + s.position_error
         times = [s.reaction_s, s.stopping_s, lost]
         speeds = [s.least_speed, s.unknown_speed]
-        self._rule = np.array([*times, *speeds, s.hand_near, s.hand_speed])
+        near = [s.hand_near, s.hand_speed, s.body_near, s.body_speed]
+        self._rule = np.array([*times, *speeds, *near])
         self._moving = np.flatnonzero(robot.moving)
 
     def share(

@@ -23,8 +23,8 @@ from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
 _MOST_TRIANGLES = 10_000  # of one body
-# what the library says when it is imported, and of links without masses
-GREETING = re.compile(rb"pybullet build time[^\n]*\n?")
+# what the library says when it is imported or connected, and of links without masses
+GREETING = re.compile(rb"(pybullet build time|argv\[0\]=)[^\n]*\n?")
 INERTIA = re.compile(
     rb"b3Warning\[[^\]]*\]:\s*No inertial data for link.*?inertial frame\s*"
     rb"b3Warning\[[^\]]*\]:\s*\S*?\s*(?=b3Warning|\Z|\n)",
@@ -239,7 +239,8 @@ def connected() -> object:
     direct = import_pybullet().DIRECT
     from pybullet_utils.bullet_client import BulletClient
 
-    return BulletClient(direct)
+    with _without(GREETING):
+        return BulletClient(direct)
 
 
 @contextlib.contextmanager

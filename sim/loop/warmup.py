@@ -386,7 +386,7 @@ def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     threat.as_lately()
     balls, all_of_them = np.array([[0.0, 0.0, 0.0, 0.1]]), np.zeros(1, np.int64)
     moves = balls, np.ones((1, 3)), 1.0, all_of_them
-    allowed_share(*moves, arm, np.zeros((1, 6)), arm, np.full(7, 0.1))
+    allowed_share(*moves, arm, np.zeros((1, 6)), arm, np.full(9, 0.1))
     ball_gaps(balls, arm)
     motion = time_path(planner.robot, np.array([q, q + 1e-3]))
     ShellTest(planner).passes(motion, 0.0, 0.0, motion.stop(0.0), threat, 0.0)

@@ -213,6 +213,10 @@ class RunRequest:
             return goes_with(self, _MEET_ONLY, "--targets meet")
         if told := goes_with(self, ("carry",), "--targets places", "leave it out"):
             return told
+        if self.motion == "mocap":
+            told = "leave it out; --stand says where a recorded one is"
+            if told := goes_with(self, ("distance",), "a scripted person", told):
+                return told
         check_object(self.obj)
         if self.side not in (None, "left", "right"):
             return f"--side is {self.side!r}: choose left or right"

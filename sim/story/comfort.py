@@ -70,7 +70,8 @@ def comfort_rods(
 class Berth:
     """Shows the planner a larger person, from whom a slow robot keeps more distance.
 
-    All that is free beside the larger person is free beside the person. A part that is
+    And larger what they hold out, which moves as they do. All that is free beside the
+    larger person is free beside the person. A part that is
     nearer to the robot already grows only up to the robot: a path comes no nearer to it
     than now, where there is a way. If none is found, the growth is halved, then halved
     again, then nothing.
@@ -83,12 +84,15 @@ class Berth:
         room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly,
             until it stood braked on a way that was free.
         clearance: What every robot keeps [m].
+        stop_s, comes: How long its shortest stop takes, a frame included [s], and how
+            much nearer somebody may come meanwhile [m].
         told: The least growth of the person's parts, as told last [m].
     """
 
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
         how = executor.settings, executor.period, threat
-        comes = slowest_stop(executor.robot, *how)[1]
+        self.stop_s, comes = slowest_stop(executor.robot, *how)
+        self.comes = comes
         self._own = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
@@ -117,7 +121,8 @@ class Berth:
 
         Args:
             there: All shapes, base frame.
-            people: How many of its capsules are the person's: they come first.
+            people: How many of its capsules are the person's, and what they hold out:
+                they come first.
             balls: (n, 4) the moving spheres of the robot's cover, and what it holds.
             held: Whether the planner had no path in the frame before.
             hindered: Whether the robot stands, or goes slowly for the person's sake:

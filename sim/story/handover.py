@@ -182,7 +182,7 @@ class Handover:
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
         thing = None if self._give else self._carried
-        beside = meet.obj.capsules, s.room
+        beside = meet.obj.capsules, max(s.room, self._berth.room)
         self._grasps = grasps
         placeable = self._placeable(grasps)  # the others are taken where none reaches
         in_order = grasps[np.argsort(~placeable, kind="stable")]
@@ -247,8 +247,8 @@ class Handover:
         executor = self.executor
         stands = executor.reason if not why or executor.state == STANDING else ""
         kept = self._why_kept if self.state == table.KEPT else ""
-        told = [self.machine.reason, self._weak_pull(), kept, why, stands]
-        told.append(self._no_time)
+        told = [self.machine.reason, self._weak_pull(), self._too_rare(), kept, why]
+        told += [stands, self._who_touches(), self._no_time]
         return "; ".join(t for t in told if t)
 
     def _weak_pull(self) -> str:
@@ -261,6 +261,37 @@ class Handover:
             f"{pull.counts_from:.1f} N that count now: pull harder, or give a smaller "
             "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
             "tare the sensor, or tell what the object weighs (mass_kg)"
+        )
+
+    def _who_touches(self) -> str:
+        """Return who is at a robot that waits for a hand, that arm apart; or empty."""
+        last, executor = self._last, self.executor
+        if last is None or self.view.phase is None or not executor.at_rest:
+            return ""
+        others = np.setdiff1d(np.arange(last.people), self.view.meant)
+        robot, q = self.planner.static.robot, executor.set_point.q
+        balls = cover_balls(robot, q)[robot.moving]
+        gaps = ball_gaps(balls, last.there.capsules[others]).min(axis=0, initial=np.inf)
+        if not (gaps < 0.0).any():
+            return ""
+        word = self._words[others[gaps.argmin()]] or "somebody"
+        return f"{word} is at the robot: it stands until they are farther"
+
+    def _too_rare(self) -> str:
+        """Return what to do about frames too rare to close on an object; or empty."""
+        most, berth = self.conduct.too_rare, self._berth
+        told = {e.signal for e in self.events}
+        vain = told & {"blocked", "in_vain", "hindered"} and "free" not in told
+        if self._give or self.holding or not vain or berth.comes <= most:
+            return ""
+        return (
+            f"with a frame every {1e3 * self.executor.period:.0f} ms it stands "
+            f"{1e3 * berth.stop_s:.0f} ms after what it saw, and by then what is held "
+            f"out may have come {100 * berth.comes:.1f} cm nearer (limit "
+            f"{100 * most:.1f} cm): give frames more often, the robot's own limits of "
+            "acceleration and jerk, or, for people who hold still, "
+            "StorySettings(threat=ThreatSettings(acceleration=...)); or hold it still "
+            "between the fingers"
         )
 
     @property
@@ -543,7 +574,7 @@ class Handover:
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(frame),
             "unfelt": passed > limit and not self._pull.felt,
-            "weak_pull": passed > limit and self._pull.was_weak,
+            "weak_pull": passed > limit and self._pull.weak > 0.0,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
             "late_holding": passed > limit and self.holding,
@@ -1152,7 +1183,9 @@ class Handover:
         balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         held = getattr(self.answer, "status", "") == "holding"
         hindered = self.executor.state in (SLOWED, BRAKED, STANDING)
-        there = berth.around(there, seen.people, balls, held, hindered)
+        offered = self.view.offered if self.state == table.APPROACH else 0
+        told = balls, held, hindered
+        there = berth.around(there, seen.people + offered, *told)
         self.targets.told_larger = berth.told
         return there
 

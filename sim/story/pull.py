@@ -36,12 +36,15 @@ class PullSettings(CheckedSettings):
             pull.
         window_s: The force is averaged over this [s].
         rest_s: Time constant with which the force at rest follows [s].
+        faint: A force of this share of what would count is told as too weak, if it
+            lasts; half of 4 N is above what noise and a trembling hand make.
     """
 
     force: float = setting(4.0, 0.01, 1000.0, "N")
     hold_s: float = setting(0.2, 0.01, 10.0, "s")
     window_s: float = setting(0.1, 0.001, 10.0, "s")
     rest_s: float = setting(1.0, 0.01, 100.0, "s")
+    faint: float = setting(0.5, 0.01, 1.0)
 
 
 class PullDetector:
@@ -51,10 +54,9 @@ class PullDetector:
         force: Of the last frame, beyond the force at rest, averaged [N].
         lasted: For how long it has been above the threshold [s].
         felt: Whether a force was measured since `restart`.
-        weak: A steady force that the object does not account for, and that does not
-            count now [N]; 0: there is none.
+        weak: A force that lasted and did not count, the last one since `restart` [N]:
+            one that the object does not account for, or a faint pull; 0: there is none.
         counts_from: How strong that would have to be [N].
-        was_weak: Whether there was one since `restart`.
     """
 
     def __init__(self, settings: PullSettings | None = None) -> None:
@@ -62,7 +64,7 @@ class PullDetector:
         self._recent: deque[tuple[float, np.ndarray]] = deque()
         self._rest: np.ndarray | None = None
         self.force, self.lasted, self.felt = 0.0, 0.0, False
-        self.weak, self.counts_from, self.was_weak = 0.0, 0.0, False
+        self.weak, self.counts_from = 0.0, 0.0
         self._weak_s = 0.0
 
     @property
@@ -82,7 +84,7 @@ class PullDetector:
 
     def restart(self) -> None:
         """Ask for a new pull, as long as the first; the force at rest stays."""
-        self.lasted, self.felt, self.was_weak = 0.0, False, False
+        self.lasted, self.felt, self.weak, self._weak_s = 0.0, False, 0.0, 0.0
 
     def feel(
         self,
@@ -112,8 +114,7 @@ class PullDetector:
         """
         wrench = np.asarray(wrench, float)
         if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
-            self.force, self.lasted = 0.0, 0.0
-            self._note_weak(0.0, 0.0, dt)
+            self.force, self.lasted, self._weak_s = 0.0, 0.0, 0.0
             return
         s, self.felt = self.settings, True
         known = np.zeros(3) if own is None else own
@@ -132,11 +133,16 @@ class PullDetector:
         least = added + s.force * (3.0 if moving else 1.0)
         if self.force >= least and others >= s.force:
             self.lasted += dt
-            self._note_weak(0.0, 0.0, dt)
+            self.weak = 0.0
             return
         self.lasted = 0.0
-        steady = 0.0 if own is None or moving else others
-        self._note_weak(steady, others + least - self.force, dt)
+        steady = own is not None and others >= s.force
+        if moving or not (steady or self.force >= s.faint * least):
+            self._weak_s = 0.0
+        elif steady:
+            self._note_weak(others, others + least - self.force, dt)
+        else:
+            self._note_weak(self.force, least, dt)
         if taken is not None:
             return
         quick = moving or added > s.force
@@ -154,13 +160,11 @@ class PullDetector:
             kept -= self._recent.popleft()[0]
         return sum(force for _, force in self._recent) / len(self._recent)
 
-    def _note_weak(self, others: float, counts_from: float, dt: float) -> None:
-        """Note a force [N] that does not count, and whether it is a steady one."""
-        s = self.settings
-        self._weak_s = self._weak_s + dt if others >= s.force else 0.0
-        steady = self._weak_s >= s.hold_s - 1e-9
-        self.weak, self.counts_from = (others, counts_from) if steady else (0.0, 0.0)
-        self.was_weak = self.was_weak or steady
+    def _note_weak(self, force: float, counts_from: float, dt: float) -> None:
+        """Note a force [N] that does not count, once it has lasted."""
+        self._weak_s += dt
+        if self._weak_s >= self.settings.hold_s - 1e-9:
+            self.weak, self.counts_from = force, counts_from
 
 
 def carried_force(

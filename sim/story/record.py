@@ -28,7 +28,7 @@ from sim.story.machine import TABLES
 from sim.story.play import RATE, StoryMoment, StoryPlay
 from sim.story.settings import StorySettings
 
-_NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf}  # of speeds near the hand
+_NO_COMFORT = {"hand_near": 0.0, "hand_jerk": np.inf, "body_near": 0.0}  # of speeds
 _OF_IT = "story."  # what the arrays of a hand-over begin with
 _FAR = np.array([0.0, 0.0, -5.0, 0.0, 0.0, -5.0, 1e-3])  # an object that is gone
 

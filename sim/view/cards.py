@@ -85,8 +85,6 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
         picture = _strip(recent[:, TIME], took, now, top, BLUE)
         words = f"p50 {p50:.2f}, p99 {p99:.2f}, most {most:.2f} ms"
         told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
-    elif not latency:
-        told.append(_titled("Latency of a frame", "not in a recording", "", ""))
     return f'<div style="{_FONT};padding:2px 14px">{"".join(told)}</div>'
 
 
@@ -214,7 +212,7 @@ def legend(has_map: bool, has_quality: bool) -> str:
         rows.append(("line", theme.BLOCKED_EDGE, "edge that is blocked"))
         rows.append(("box", theme.CELL, "occupied cell"))
     if not has_quality:
-        rows.append(("dot", theme.GOAL, "work place; the larger is the goal"))
+        rows.append(("dot", theme.GOAL, "place; large: the goal"))
     items = "".join(_swatch(kind, theme.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
         _swatch("box", theme.STATE_COLOURS[s], WORDS[s])
@@ -230,11 +228,11 @@ def legend(has_map: bool, has_quality: bool) -> str:
             f'vertical-align:middle;background:linear-gradient(90deg,{gradient})">'
             "</span> 1; the larger is pursued</div>"
         )
-    grid = "display:grid;grid-template-columns:1fr 1fr;gap:2px 10px"
+    grid = "display:grid;grid-template-columns:auto auto;gap:1px 8px"
     return (
-        f'<div style="{_FONT};font-size:12px;padding:4px 14px 8px 14px;color:{INK}">'
+        f'<div style="{_FONT};font-size:12px;padding:0 10px 2px 10px;color:{INK}">'
         f'<div style="{grid}">{items}</div>{bar}'
-        f'<div style="border-top:1px solid {LINE};margin:8px 0 6px 0"></div>'
+        f'<div style="border-top:1px solid {LINE};margin:4px 0 3px 0"></div>'
         f'<div style="{grid}">{states}</div></div>'
     )
 

@@ -17,7 +17,7 @@ from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.motion.motion import time_path
 
-RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6, 0.25, 0.5])
+RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6, 0.25, 0.5, 0.0, 0.8])
 NO_HANDS = np.zeros((0, 7))
 
 
@@ -30,12 +30,12 @@ def one(gap, toward=1.0, coming=0.0, known=True):
     return share_of(centers, moved, np.array([0.1]), capsule, rate)
 
 
-def share_of(centers, moved, radii, capsules, rates, hands=NO_HANDS):
+def share_of(centers, moved, radii, capsules, rates, hands=NO_HANDS, rule=RULE):
     """Return the share of spheres (n, 3) that move so fast (n, 3)."""
     balls = np.column_stack([centers, radii])
     ahead, all_of_them = centers + 1e-3 * moved, np.arange(len(balls))
     told = (balls, ahead, 1e3, all_of_them, capsules, rates, hands)
-    return allowed_share(*told, RULE)
+    return allowed_share(*told, rule)
 
 
 def test_far_away_nothing_is_slowed_and_near_the_formula_holds():
@@ -70,6 +70,15 @@ def test_it_is_the_twins_on_random_pairs(rng):
         fastest = np.linalg.norm(moved, axis=1)[near].max(initial=0.5)
         found = share_of(centers, moved, radii, capsules, rates, capsules[:1])
         assert found == pytest.approx(min(twin, 0.5 / fastest), abs=2e-3)
+        calm, gaps = (
+            np.copy(RULE),
+            ball_gaps(np.column_stack([centers, radii]), capsules),
+        )
+        calm[7] = 0.2  # of all of them
+        near = gaps.min(axis=1) < calm[7]
+        fastest = np.linalg.norm(moved, axis=1)[near].max(initial=0.8)
+        found = share_of(centers, moved, radii, capsules, rates, rule=calm)
+        assert found == pytest.approx(min(twin, 0.8 / fastest), abs=2e-3)
 
 
 class Nobody:

@@ -165,6 +165,11 @@ def test_the_audit_counts_nodes_and_none_that_stands_in_the_person(built, monkey
         (["--targets", "meet", "--motion", "dance"], "--motion is 'dance'"),
         (["--targets", "meet", "--between", "2", "1"], "smaller one first"),
         (["--targets", "meet", "--motion", "mocap"], "--file"),
+        (
+            ["--targets", "meet", "--motion", "mocap", "--file", __file__]
+            + ["--between", "0.6", "1"],
+            "--between goes with a scripted person; leave it out; --stand says",
+        ),
         (["--targets", "meet", "--reach", "nowhere"], "no reach map"),
     ],
 )

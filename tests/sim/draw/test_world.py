@@ -15,7 +15,13 @@ from sim.draw.cover_world import CoverWorld
 from sim.draw.style import SKIN, SLEEVE, person_colours
 from sim.draw.surroundings import all_triangles
 from sim.draw.viewpoint import Camera
-from sim.draw.world import SimulatorMissing, World, capsule_mesh, with_normals
+from sim.draw.world import (
+    SimulatorMissing,
+    World,
+    capsule_mesh,
+    connected,
+    with_normals,
+)
 from sim.loop.loop import exact_audit
 
 CAMERA = Camera(width=160, height=120)
@@ -126,6 +132,12 @@ FOLLOWER = """<robot name="bars">
 <origin xyz="0.3 0 0"/></joint>
 </robot>
 """
+
+
+def test_a_connected_library_says_nothing(capfd):
+    """Its `argv[0]=` stood before the JSON of `--json -`."""
+    assert connected().getNumBodies() == 0
+    assert capfd.readouterr() == ("", "")
 
 
 def test_without_pybullet_one_sentence_says_what_to_do(crane, crane_urdf, monkeypatch):

@@ -163,6 +163,52 @@ def test_a_robot_hindered_on_its_way_back_plans_it_with_room_for_the_person(maps
     assert story._berth.room == story.settings.room
 
 
+@pytest.mark.parametrize("room", [0.0, 0.02])
+def test_what_is_held_out_is_passed_with_the_berth_of_who_holds_it(
+    maps, monkeypatch, room
+):
+    """At 20 and 30 Hz a way led so near to it that nobody was let on along it."""
+    story, human = story_of(maps, direction="receive")
+    story._berth.room, told, step = room, [], story.planner.step
+
+    def heard(there, **given):
+        told.append(there.capsules[:, 6])
+        return step(there, **given)
+
+    monkeypatch.setattr(story.planner, "step", heard)
+    seen = dict(opened=True, T_base_object=pose_of((0.6, 0.0, 0.4), (0.0, 0.0, 0.0)))
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), **seen))
+    rods = story.targets.meet.obj.capsules
+    assert np.allclose(told[0][-len(rods) :], rods[:, 6] + room)
+
+
+@pytest.mark.parametrize(("away", "told"), [(0.4, False), (0.0, True)])
+def test_who_walks_into_a_robot_that_waits_for_their_hand_is_told(maps, away, told):
+    """It said for as long as they stood there that a hand was near."""
+    story, human = story_of(maps)
+    story.machine = Machine(TABLES["give"], "wait")
+    story._enter()
+    tip = tool_pose(story.planner.robot, story.executor.set_point.q)[:3, 3]
+    T = human.T_world_pelvis.copy()
+    T[:3, 3] = tip + [away + 0.1, 0.0, -0.2]
+    human = human.moved(T)
+    rows, labels = human.capsules(), human.labels
+    seen = np.flatnonzero(labels == Part.TORSO)
+    parts = dict(capsules=rows[seen], labels=labels[seen])
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True, **parts))
+    assert ("torso is at the robot" in story.reason) == told
+
+
+@pytest.mark.parametrize(("period", "told"), [(0.01, False), (0.1, True)])
+def test_frames_too_rare_to_close_on_what_is_held_out_are_told(maps, period, told):
+    story, _ = story_of(maps, direction="receive", period=period)
+    assert "a frame every" not in story.reason
+    story.machine.step({"arrived"}, 0.0), story.machine.step({"steady"}, 0.0)
+    story.machine.step({"blocked"}, 0.0)
+    wanted = r"frame every 100 ms.* \d+\.\d cm nearer.*limit 2.5 cm.*more often"
+    assert bool(re.search(wanted, story.reason)) == told
+
+
 def test_frames_of_a_slow_sensor_may_do_more(maps):
     story, human = story_of(maps, period=0.02)
     story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
@@ -640,7 +686,8 @@ def test_it_waits_before_an_object_with_room_to_spare(maps):
         T_before = T @ np.linalg.inv(reach.T_tool_object)
         far = np.linalg.norm((T_before - tool_pose(robot, reach.q_before))[:3, 3])
         assert story.settings.back < far < 0.1  # longer, by what its room asks for
-    story, _ = story_of(maps, "receive", back=0.006, room=0.0)
+    calm = replace(PARTNER, acceleration=0.5)  # else a slow robot asks for more room
+    story, _ = story_of(maps, "receive", back=0.006, room=0.0, threat=calm)
     story._reaches.begin(T, found[0].q)
     assert 0.0 < story._reaches.found[0].room < 0.01
 

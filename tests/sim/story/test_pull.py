@@ -142,18 +142,30 @@ def test_a_pull_that_is_there_before_the_robot_stands_is_told_as_too_weak(own):
         told.append(detector.weak)
         counts.append(detector.counts_from)
         if k == 150:
-            assert not detector.was_weak
+            assert not detector.weak
             detector.restart()
     assert detector.pulled and not detector.weak
     if own is None:
-        assert not any(told) and not detector.was_weak
+        assert not any(told)
         return
-    assert not any(told[:165]) and detector.was_weak
+    assert not any(told[:165])
     assert np.allclose(told[175:300], 8.0) and np.allclose(
         counts[175:300], 12.0, atol=0.1
     )
+
+
+@pytest.mark.parametrize(("force", "told"), [(1.5, False), (2.5, True), (3.8, True)])
+def test_a_faint_pull_is_told_as_too_weak(force, told):
+    """Below 4 N nobody was told anything."""
+    detector, rng = PullDetector(), np.random.default_rng(6)
+    for felt in [*still(100), *pulled(200, force)]:
+        wrench = np.concatenate([felt, np.zeros(3)]) + rng.normal(0, 0.4, 6)
+        detector.feel(wrench, DT, own=WEIGHT)
+    assert not detector.lasted and bool(detector.weak) == told
+    if told:
+        assert detector.weak > 2.0 and detector.counts_from == pytest.approx(4.0)
     detector.restart()
-    assert not detector.was_weak
+    assert not detector.weak
 
 
 def test_neither_noise_nor_a_bump_nor_a_failing_sensor_is_a_weak_pull():
@@ -163,7 +175,7 @@ def test_neither_noise_nor_a_bump_nor_a_failing_sensor_is_a_weak_pull():
     for k, force in enumerate(forces):
         wrench = np.concatenate([force, np.zeros(3)]) + rng.normal(0, 1.0, 6)
         detector.feel(np.full(6, np.nan) if k == 200 else wrench, DT, own=WEIGHT)
-    assert not detector.was_weak
+    assert not detector.weak
 
 
 def test_the_weight_of_what_is_held_follows_the_pose_of_the_base():
