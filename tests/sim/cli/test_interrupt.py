@@ -148,23 +148,45 @@ interrupt._current_frames = look
 with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     stay()
 """
-HANDING_OVER = """
-from llvmlite import binding
-library = binding.ffi.lib
-link = library.LLVMPY_LinkModules
-def linked(*modules):  # from here on one of them owns the other, and nobody knows yet
-    code = link(*modules)
+CUT = """
+def raised(*given, **named):
+    done = whole(*given, **named)
     try:
         os.kill(os.getpid(), signal.SIGINT)
     except KeyboardInterrupt:
         print("cut in two", flush=True)
         raise
-    return code
+    return done
 with interrupt.interruptible():
     import numba
-    library._fntab["LLVMPY_LinkModules"] = linked
+    from llvmlite import binding
+    from numba.core.typeinfer import TypeInferer
+    calls = binding.ffi.lib._fntab
+"""
+# from here on one module owns the other, and nobody knows yet
+HANDING_OVER = """
+    name = "LLVMPY_LinkModules"
+    whole = getattr(binding.ffi.lib, name)
+    calls[name] = raised
+"""
+FINDING_TYPES = """
+    whole = TypeInferer.propagate
+    TypeInferer.propagate = raised
+"""
+COMPILED = """
     numba.njit(lambda x: x + 1)(1)
     time.sleep(60)
+"""
+HURRIED = """
+with interrupt.interruptible(), interrupt.patience(20.0):
+    import numba
+    from numba.core.typeinfer import TypeInferer
+    def slow(*given, **named):
+        ready()
+        time.sleep(2.5)
+        print("all told", flush=True)
+    TypeInferer.propagate = slow
+    numba.njit(lambda x: x + 1)(1)
 """
 PATIENT = """
 with interrupt.interruptible(), interrupt.patience(20.0):
@@ -265,8 +287,9 @@ def test_between_two_maps_there_is_always_one(tmp_path):
     assert [p.name for p in (tmp_path / "map").iterdir()] == ["new"]
 
 
-def test_memory_that_is_being_handed_over_is_not_freed_twice(tmp_path):
-    with started(["-c", HEAD + HANDING_OVER], tmp_path) as process:
+@pytest.mark.parametrize("where", [HANDING_OVER, FINDING_TYPES])
+def test_it_is_raised_when_the_loop_is_compiled(where, tmp_path):
+    with started(["-c", HEAD + CUT + where + COMPILED], tmp_path) as process:
         out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and err.count("interrupted") == 1, err
     assert not out
@@ -279,8 +302,9 @@ def test_what_was_found_so_far_may_still_be_told(tmp_path):
     assert code == 130 and seconds > 2.0 and "all told" in out
 
 
-def test_a_second_ctrl_c_does_not_wait(tmp_path):
-    with started(["-c", HEAD + PATIENT], tmp_path) as process:
+@pytest.mark.parametrize("script", [PATIENT, HURRIED])
+def test_a_second_ctrl_c_does_not_wait(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
         process.send_signal(signal.SIGINT)
         time.sleep(0.6)
