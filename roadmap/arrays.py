@@ -1,6 +1,8 @@
-"""Read-only arrays: of dataclasses that never change, and as loops take them."""
+"""Arrays: read-only ones of dataclasses, as loops take them, and of any numbers."""
 
 import numpy as np
+
+from roadmap.errors import BadInput
 
 
 def frozen(array: np.ndarray, dtype: np.dtype | type) -> np.ndarray:
@@ -52,3 +54,31 @@ def lent(array: np.ndarray) -> np.ndarray:
     To numba a read-only array is another type; a copy in each frame takes 0.2 us.
     """
     return np.asarray(_Lent(array))
+
+
+def as_floats(name: str, values: object) -> np.ndarray:
+    """Return real numbers as a float64 array that loops take: writeable, aligned.
+
+    An array that is one already comes back as it is; rows of unequal length are
+    refused.
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, TypeError, OverflowError):
+        array = np.empty(0, object)  # rows of unequal length
+    if array.dtype.kind not in "fiu":
+        raise BadInput(
+            f"{name} must be an array of real numbers, not {shown(values)}; give "
+            "float64, all rows of the same length"
+        )
+    array = np.asarray(array, np.float64)
+    return array if array.flags.carray else array.copy(order="C")
+
+
+def shown(values: object) -> str:
+    """Describe a value in a few words."""
+    kind = getattr(values, "dtype", None)
+    if kind is not None:
+        return f"an array of dtype {kind}"
+    text = repr(values)
+    return text if len(text) < 60 else f"{text[:56]} ..."

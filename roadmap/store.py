@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from roadmap.errors import BadMap, PlanningError
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_path
 from roadmap.unfinished import beside, put
 
 FORMAT = 1
@@ -29,8 +29,7 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
     leaves the old folder or the new one, never half of one. Format version and array
     table are added to the manifest.
     """
-    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("the folder of a map", path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -67,8 +66,7 @@ def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
     Raises:
         BadMap: No map there, a foreign version, a truncated or altered array.
     """
-    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("the folder of a map", path)
     manifest = _read_manifest(path)
     rows = list(manifest["arrays"].items())
     if not verify:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
@@ -68,7 +68,7 @@ class HeldObject:
 
 def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:
     """Return grasps T_object_hand as (n, 4, 4), rigid, at least one, read-only."""
-    grasps = np.asarray(grasps, float)
+    grasps = as_floats("grasps", grasps)
     if grasps.size == 0:
         raise BadInput(
             "there is no human grasp; give at least one T_object_hand, or leave "

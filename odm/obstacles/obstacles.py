@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from odm._groups import new
-from odm.checks import as_floats, check_classes, check_points
+from odm.checks import check_classes, check_points
 from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.ranges import check_kind
 

@@ -6,8 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from odm.checks import as_floats
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE

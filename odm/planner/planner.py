@@ -30,7 +30,6 @@ from odm.approach.approach import Approacher
 from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
 from odm.checks import (
-    as_floats,
     check_configuration,
     check_numbers,
     check_points,
@@ -67,7 +66,7 @@ from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search._astar import LARGE
 from odm.search.state import Memory
-from roadmap.arrays import writable
+from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_kind, check_number, is_between, settings_of
 from roadmap.transforms import check_pose

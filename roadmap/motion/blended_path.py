@@ -251,7 +251,7 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
     """
     try:
         path = np.array(path, float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(
             f"what was given as a path ({type(path).__name__}) holds no numbers; give "
             f"(k, {robot.dof}) corners, such as answer.path"
