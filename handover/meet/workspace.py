@@ -142,6 +142,7 @@ class InteractionWorkspace:
 
         A ranking that has begun is given up.
         """
+        check_kind("human", human, Human, "give a handover.Human")
         s = self.settings
         self._give_up()
         state = state_of(human, s, self.human, self._state)

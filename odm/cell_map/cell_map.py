@@ -167,7 +167,10 @@ def load_map(
         check_kind("robot", robot, Robot, "give what roadmap.load_robot returns")
     manifest, arrays = read_folder(path, verify)
     if manifest.get("kind") != "cell map":
-        raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
+        raise BadMap(
+            f"{path} holds a {manifest.get('kind')!r}, not a cell map; give the folder "
+            "that `odm build` wrote"
+        )
     with made_of(path):
         loaded = _made(manifest, arrays)
     if robot is not None and robot.fingerprint() != manifest["robot_hash"]:
