@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
@@ -109,6 +110,11 @@ class Box(_Posed):
     size: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
+    if TYPE_CHECKING:
+
+        def __init__(self, size: ArrayLike, T_base_shape: np.ndarray = ...) -> None:
+            """Make it of anything that numpy takes for an array."""
+
     def __post_init__(self) -> None:
         size = as_floats("the size of a box", self.size)
         if size.shape != (3,):
@@ -131,6 +137,13 @@ class Mesh(_Posed):
     vertices: np.ndarray
     faces: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, vertices: ArrayLike, faces: ArrayLike, T_base_shape: np.ndarray = ...
+        ) -> None:
+            """Make it of anything that numpy takes for an array."""
 
     def __post_init__(self) -> None:
         """Check the arrays, and that the mesh is closed; turn it outside out."""

@@ -8,6 +8,7 @@ from time import perf_counter_ns
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from odm.answer import (
     CLOSE_TEST,
@@ -245,10 +246,10 @@ class ReactivePlanner:
 
     def set_goals(
         self,
-        goals: Sequence[np.ndarray] | None = None,
-        costs: Sequence[float] | None = None,
+        goals: ArrayLike | None = None,
+        costs: ArrayLike | None = None,
         *,
-        poses: Sequence[np.ndarray] | None = None,
+        poses: Sequence[np.ndarray] | np.ndarray | None = None,
         tolerance: float | tuple[float, float] | None = None,
         most: int | None = None,
     ) -> GoalReport:
@@ -986,7 +987,7 @@ class ReactivePlanner:
     def evasion(
         self,
         q: np.ndarray,
-        coming: Sequence[tuple[float, np.ndarray]],
+        coming: Sequence[tuple[float, np.ndarray | Obstacles]],
         speed_scale: float,
     ) -> np.ndarray | None:
         """Return a (2, dof) motion from q that evades what comes, or None.
