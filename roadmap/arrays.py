@@ -1,5 +1,8 @@
 """Arrays: read-only ones of dataclasses, as loops take them, and of any numbers."""
 
+from dataclasses import fields, is_dataclass
+from typing import Any
+
 import numpy as np
 
 from roadmap.errors import BadInput
@@ -82,3 +85,22 @@ def shown(values: object) -> str:
         return f"an array of dtype {kind}"
     text = repr(values)
     return text if len(text) < 60 else f"{text[:56]} ..."
+
+
+def brief(data: Any) -> str:
+    """Return a dataclass on one line, the `__repr__` of large ones.
+
+    Arrays are told by their shape, other dataclasses by their class.
+    """
+    shown = [f for f in fields(data) if f.repr]
+    told = (f"{f.name}={_brief(getattr(data, f.name))}" for f in shown)
+    return f"{type(data).__name__}({', '.join(told)})"
+
+
+def _brief(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"array{value.shape}"
+    if is_dataclass(value):
+        return type(value).__name__
+    text = " ".join(repr(value).split())
+    return text if len(text) < 80 else f"{text[:76]} ..."

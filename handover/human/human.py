@@ -36,7 +36,7 @@ from handover.human.postures import Posture, floor_pose, leg_places, posture_nam
 from handover.human.skeleton import Skeleton
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import Surface, sample_capsules
-from roadmap.arrays import as_floats, frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import moved_rods
 from roadmap.transforms import check_pose, inverse_pose, rotation_rpy
@@ -80,6 +80,8 @@ class Human:
     thickness: str = "conservative"
     bend: np.ndarray | None = None
     T_world_chest: np.ndarray = field(init=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         body.check_height(self.height, "nothing is known of the shape of such a person")

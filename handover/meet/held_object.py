@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import as_floats, frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
@@ -36,6 +36,8 @@ class HeldObject:
     T_tool_object: np.ndarray
     hand_grasps: np.ndarray
     turns: int = 4
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         capsules = as_floats(f"capsules of {self.name}", self.capsules)

@@ -12,7 +12,7 @@ from handover.reach import _reach_lookup as lookup
 from handover.reach.extremes import work_of
 from handover.reach.reach_grid import ReachGrid
 from handover.reach.rotations import rotation_grid
-from roadmap.arrays import as_floats, frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput, BadMap
 from roadmap.kinematics._chain import from_lattice
 from roadmap.ranges import check_path
@@ -54,6 +54,8 @@ class ReachMap:
     reference: float
     built: dict = field(default_factory=dict)
     hash: str = ""
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         arrays = [frozen(a, t) for a, t in zip(self.packed, _PACKED.values())]

@@ -153,6 +153,12 @@ class Obstacles:
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
 
+    def __repr__(self) -> str:
+        """Tell how many there are of each kind."""
+        counts = [*zip(self.counts.tolist(), KINDS, strict=True)]
+        told = [f"{n} {k}" for n, k in (*counts, (len(self.points), "points")) if n]
+        return f"Obstacles({', '.join(told)})"
+
     def _classify(self, classes: dict) -> None:
         """Keep the classes of points and of all shapes."""
         if "points" in classes:

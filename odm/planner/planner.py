@@ -169,6 +169,11 @@ class ReactivePlanner:
         """
         self._memory.owner.take_over()
 
+    def __repr__(self) -> str:
+        """Tell the map, and how many goals there are."""
+        name, nodes = self.cell_map.recipe.name, len(self.cell_map.roadmap.nodes)
+        return f"ReactivePlanner(map {name}, {nodes} nodes, {len(self.goals)} goals)"
+
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled; say what to do instead."""
         refuse_copy()

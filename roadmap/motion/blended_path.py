@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roadmap.arrays import brief
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import short_ways
 from roadmap.motion.blending import (
@@ -56,6 +57,8 @@ class BlendedPath:
     j: np.ndarray
     deviation: float
     home: np.ndarray
+
+    __repr__ = brief
 
     @classmethod
     def of(

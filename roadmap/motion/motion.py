@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roadmap.arrays import as_floats, frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.joint_tree import check_robot
 from roadmap.motion.blended_path import SAME, BlendedPath, check_scale, unwound
@@ -52,6 +52,8 @@ class Motion:
     profile: SpeedProfile
     speed_scale: float
     jerk_scale: float = 1.0
+
+    __repr__ = brief
 
     @property
     def duration(self) -> float:

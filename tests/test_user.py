@@ -1,4 +1,4 @@
-"""What the docs let a user write passes a type checker, and what is wrong does not."""
+"""What a user writes passes a type checker, and what they look at is short."""
 
 import pytest
 
@@ -30,3 +30,18 @@ def test_a_users_script_passes_and_a_mistake_of_it_does_not(tmp_path):
     told = mypy.run(["--strict", "--config-file", "pyproject.toml", str(script)])[0]
     lines = [line for line in told.splitlines() if "script.py" in line]
     assert len(lines) == 1 and '"upper"' in lines[0], told
+
+
+def test_what_a_user_looks_at_is_told_in_a_line(planner):
+    import handover
+    from odm import Obstacles
+    from roadmap import time_path
+
+    cell_map, robot = planner.cell_map, planner.robot
+    motion = time_path(robot, cell_map.roadmap.nodes[:2])
+    seen = [cell_map, robot, cell_map.roadmap, planner, planner.scene, motion]
+    seen += [handover.Human(), handover.wrench(), Obstacles(spheres=[[0, 0, 0, 1]])]
+    for one in seen:
+        told = repr(one)
+        assert told.startswith(type(one).__name__), told
+        assert len(told) < 1500 and "\n" not in told and " at 0x" not in told, told
