@@ -12,8 +12,8 @@ for its threads. So the signal is heard twice:
    does not raise a second time, which would cut short the tidying up, unless Python
    is about to print that a `__del__`, a callback or an extension swallowed the first.
 2. A thread wakes with the signal, whatever the main thread does. If the process is
-   still there after `GRACE` seconds, or at a second signal, it removes what is
-   unfinished and ends it.
+   still there after `GRACE` seconds, or at a second signal, it ends the processes that
+   work for it, removes what is unfinished and ends it.
 
 A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
 milliseconds. While a loop is compiled, `_COMPILERS`, it is not raised either, but when
@@ -149,6 +149,7 @@ class _Listener:
         with suppress(Exception):
             if threading.current_thread() is threading.main_thread():
                 sys.stdout.flush()
+        _end_processes()
         _remove_unfinished()
         shown = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # rich hides the cursor
         with suppress(OSError):
@@ -225,6 +226,14 @@ def patience(seconds: float) -> Iterator[None]:
         yield
     finally:
         here.grace = before
+
+
+def _end_processes() -> None:
+    """End the processes that work for this one; a loop takes them seconds."""
+    with suppress(Exception):
+        if processes := sys.modules.get("multiprocessing"):
+            for child in processes.active_children():
+                child.kill()
 
 
 def _remove_unfinished() -> None:

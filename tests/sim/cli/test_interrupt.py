@@ -61,6 +61,14 @@ from sim.bench.many import play_all
 with interrupt.interruptible():
     play_all(time.sleep, [0, 60, 0, 60], 2, lambda told: ready())
 """
+COMPILING_BESIDE = """
+from odm.processes import in_processes
+with interrupt.interruptible(), in_processes(1, time.sleep, [60]):
+    from numba.core.typeinfer import TypeInferer
+    TypeInferer.propagate = lambda *given, **named: (ready(), time.sleep(60))
+    import numba
+    numba.njit(lambda x: x + 1)(1)
+"""
 BEING_LOADED = """
 pathlib.Path("slow.py").write_text(
     "import os, signal, time\\n"
@@ -218,7 +226,9 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert "never" not in out
 
 
-@pytest.mark.parametrize("script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED])
+@pytest.mark.parametrize(
+    "script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED, COMPILING_BESIDE]
+)
 def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
     with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
