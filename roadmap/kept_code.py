@@ -1,7 +1,15 @@
-"""Machine code that numba keeps of compiled loops, loaded before a first call."""
+"""Machine code of compiled loops: loaded before a first call, made undisturbed.
 
-from collections.abc import Iterable
-from contextlib import suppress
+Ctrl-C in the middle of the compiler leaves what numba and LLVM have noted half noted:
+in a notebook no loop is compiled any more, or the process crashes. So it is raised when
+a loop is done; a second one is raised at once. (A command has a handler of its own.)
+"""
+
+import signal
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import wraps
 
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
@@ -22,6 +30,45 @@ class KeptTypes(IndexDataCacheFile):
         return [types for types, kind, _ in self._load_index() if kind == machine]
 
 
+def compile_undisturbed() -> None:
+    """Let Ctrl-C wait from now on while numba compiles or loads a loop."""
+    plain = Dispatcher.compile
+
+    @wraps(plain)
+    def compile_(self: Dispatcher, types: object) -> object:
+        with _undisturbed():
+            return plain(self, types)
+
+    setattr(Dispatcher, "compile", compile_)  # a method, to mypy, is no variable
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Raise behind this what Python's own handler would raise in it, in any case once.
+
+    Other threads than the main one hear no signal.
+    """
+    own = signal.default_int_handler
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not own:
+        yield
+        return
+    heard: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        heard.append(number)
+        if len(heard) > 1:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, own)
+        if heard:
+            raise KeyboardInterrupt
+
+
 def load_kept(loops: Iterable[Dispatcher]) -> int:
     """Load what is kept of compiled loops; return for how many types of arguments.
 
@@ -35,3 +82,6 @@ def load_kept(loops: Iterable[Dispatcher]) -> int:
                 loop.compile(types)
                 loaded += 1
     return loaded
+
+
+compile_undisturbed()
