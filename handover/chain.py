@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from roadmap.arrays import freeze
+from roadmap.arrays import brief, freeze
 from roadmap.errors import BadInput
 from roadmap.geometry.self_collision import self_collision
 from roadmap.kinematics import _chain as kernels
@@ -54,6 +54,8 @@ class Chain:
     rest: tuple[float, ...] = ()
     collision_hash: str = ""
     length: np.ndarray = field(default=None)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays.

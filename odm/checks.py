@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import is_between
 from roadmap.robot.robot import Robot
@@ -50,7 +51,10 @@ def check_classes(classes: object, n: int) -> np.ndarray | None:
     """Return the classes of n points as (n,) int8, None for `avoid` alone."""
     if classes is None:
         return None
-    array = np.asarray(classes)
+    try:
+        array = np.asarray(classes)
+    except ValueError:
+        array = np.empty(0, object)  # rows of unequal length
     if array.shape != (n,) or array.dtype.kind not in "iu":
         raise BadInput(
             f"classes have shape {array.shape} and dtype {array.dtype} for {n} points; "
@@ -65,25 +69,6 @@ def check_classes(classes: object, n: int) -> np.ndarray | None:
     return array.astype(np.int8)
 
 
-def as_floats(name: str, values: object) -> np.ndarray:
-    """Return real numbers as a float64 array that loops take: writeable, aligned.
-
-    An array that is one already comes back as it is; rows of unequal length are
-    refused.
-    """
-    try:
-        array = np.asarray(values)
-    except (ValueError, TypeError, OverflowError):
-        array = np.empty(0, object)  # rows of unequal length
-    if array.dtype.kind not in "fiu":
-        raise BadInput(
-            f"{name} must be an array of real numbers, not {_shown(values)}; give "
-            "float64, all rows of the same length"
-        )
-    array = np.asarray(array, np.float64)
-    return array if array.flags.carray else array.copy(order="C")
-
-
 def point_floats(points: object) -> np.ndarray:
     """Return points as `as_floats` does; few bits hold no places in metres."""
     kind = getattr(points, "dtype", None)
@@ -94,15 +79,6 @@ def point_floats(points: object) -> np.ndarray:
             "metres; give metres as float64"
         )
     return as_floats("points", points)
-
-
-def _shown(values: object) -> str:
-    """Describe a value in a few words."""
-    kind = getattr(values, "dtype", None)
-    if kind is not None:
-        return f"an array of dtype {kind}"
-    text = repr(values)
-    return text if len(text) < 60 else f"{text[:56]} ..."
 
 
 def _length(name: str, values: object) -> tuple[int, ...]:
@@ -213,5 +189,5 @@ def _bad_goal(goals: object) -> str:
         try:
             lengths.append(as_floats("it", row).shape)
         except BadInput:
-            return f"goal {k} is no row of numbers but {_shown(row)}"
+            return f"goal {k} is no row of numbers but {shown(row)}"
     return f"the goals have rows of unequal shapes: {', '.join(map(str, lengths[:4]))}"

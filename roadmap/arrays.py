@@ -1,6 +1,11 @@
-"""Read-only arrays: of dataclasses that never change, and as loops take them."""
+"""Arrays: read-only ones of dataclasses, as loops take them, and of any numbers."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
+
+from roadmap.errors import BadInput
 
 
 def frozen(array: np.ndarray, dtype: np.dtype | type) -> np.ndarray:
@@ -52,3 +57,50 @@ def lent(array: np.ndarray) -> np.ndarray:
     To numba a read-only array is another type; a copy in each frame takes 0.2 us.
     """
     return np.asarray(_Lent(array))
+
+
+def as_floats(name: str, values: object) -> np.ndarray:
+    """Return real numbers as a float64 array that loops take: writeable, aligned.
+
+    An array that is one already comes back as it is; rows of unequal length are
+    refused.
+    """
+    try:
+        array = np.asarray(values)
+    except (ValueError, TypeError, OverflowError):
+        array = np.empty(0, object)  # rows of unequal length
+    if array.dtype.kind not in "fiu":
+        raise BadInput(
+            f"{name} must be an array of real numbers, not {shown(values)}; give "
+            "float64, all rows of the same length"
+        )
+    array = np.asarray(array, np.float64)
+    return array if array.flags.carray else array.copy(order="C")
+
+
+def shown(values: object) -> str:
+    """Describe a value in a few words."""
+    kind = getattr(values, "dtype", None)
+    if kind is not None:
+        return f"an array of dtype {kind}"
+    text = repr(values)
+    return text if len(text) < 60 else f"{text[:56]} ..."
+
+
+def brief(data: Any) -> str:
+    """Return a dataclass on one line, the `__repr__` of large ones.
+
+    Arrays are told by their shape, other dataclasses by their class.
+    """
+    shown = [f for f in fields(data) if f.repr]
+    told = (f"{f.name}={_brief(getattr(data, f.name))}" for f in shown)
+    return f"{type(data).__name__}({', '.join(told)})"
+
+
+def _brief(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"array{value.shape}"
+    if is_dataclass(value):
+        return type(value).__name__
+    text = " ".join(repr(value).split())
+    return text if len(text) < 80 else f"{text[:76]} ..."

@@ -13,6 +13,10 @@ def did_you_mean(given: object, known: Collection[str]) -> str:
 class PlanningError(Exception):
     """Base class: one sentence with the value, the limit and the remedy."""
 
+    def __str__(self) -> str:
+        """Return it on one line, whatever value it shows."""
+        return " ".join(map(str.strip, super().__str__().splitlines()))
+
 
 class BadInput(PlanningError, ValueError):
     """An argument has the wrong shape, type or range; the program must change."""

@@ -1,7 +1,14 @@
-"""Machine code that numba keeps of compiled loops, loaded before a first call."""
+"""Machine code of compiled loops: loaded before a first call, made undisturbed.
 
-from collections.abc import Iterable
-from contextlib import suppress
+Ctrl-C in the middle of the compiler leaves what numba and LLVM have noted half noted:
+in a notebook no loop is compiled any more, or the process crashes. So it is raised when
+a loop is done; a second one is raised at once. (A command has a handler of its own.)
+"""
+
+import signal
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
@@ -20,6 +27,33 @@ class KeptTypes(IndexDataCacheFile):
     def on(self, machine: tuple) -> list[tuple]:
         """Return the types of code that was made for this kind of processor."""
         return [types for types, kind, _ in self._load_index() if kind == machine]
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Raise behind this what Python's own handler would raise in it, in any case once.
+
+    Other threads than the main one hear no signal.
+    """
+    own = signal.default_int_handler
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGINT) is not own:
+        yield
+        return
+    heard: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        heard.append(number)
+        if len(heard) > 1:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, own)
+        if heard:
+            raise KeyboardInterrupt
 
 
 def load_kept(loops: Iterable[Dispatcher]) -> int:

@@ -18,6 +18,8 @@ import sys
 from functools import cache
 from pathlib import Path
 
+from roadmap.errors import PlanningError
+
 PACKAGES = ("roadmap", "odm", "handover", "sim")
 _STAMP = "kernels.json"
 _IMPORT = re.compile(r"^[ \t]*from ([\w.]+) import (\([^)]*\)|.*)", re.MULTILINE)
@@ -99,10 +101,32 @@ def kept_in(folder: Path) -> list[Path]:
     return places
 
 
+def check_kept(folder: Path) -> None:
+    """Refuse where machine code of a folder's loops can be kept nowhere.
+
+    Raises:
+        PlanningError: Numba could not compile them.
+    """
+    places = kept_in(folder)
+    if not any(map(_is_open, places)):
+        raise PlanningError(
+            "compiled loops can be kept nowhere, so that nothing can be compiled: "
+            f"{', '.join(map(str, places))} cannot be written; set NUMBA_CACHE_DIR to "
+            "a folder of your own that stays"
+        )
+
+
+def _is_open(place: Path) -> bool:
+    """Return whether a folder can be written, or made where it is not there."""
+    there = next(path for path in (place, *place.parents) if path.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
 def _user_cache() -> Path:
+    home = Path(os.path.expanduser("~"))  # as it stands, where nobody has one
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "numba"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "numba"
+        return home / "Library" / "Caches" / "numba"
+    return Path(os.environ.get("XDG_CACHE_HOME", home / ".cache")) / "numba"
 
 
 def _drop(compiled: Path, digests: dict[str, str]) -> list[str]:
@@ -132,4 +156,5 @@ def _known(stamp: Path) -> dict[str, str]:
         return {}
 
 
+check_kept(Path(__file__).parent)
 drop_stale_code()

@@ -28,6 +28,7 @@ from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
 from roadmap.cache_lock import save_in_turn
+from roadmap.kept_code import undisturbed
 from roadmap.lowering import keep_values, reach_elements_directly
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 from roadmap.wrapper import use_small_wrappers
@@ -52,6 +53,11 @@ class LoopCompiler(CompilerBase):
             self.state.typingctx = LookupContext(self.state.typingctx)
             reach_elements_directly(self.state.targetctx)
             use_small_wrappers(self.state.targetctx)
+
+    def compile_extra(self, func: object) -> object:
+        """Compile a function; Ctrl-C waits until that is done."""
+        with undisturbed():
+            return super().compile_extra(func)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""

@@ -1,9 +1,11 @@
 """Numbers of settings and arguments are checked here, by one sentence."""
 
 import math
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
+from pathlib import Path
 from typing import TypeVar
 
 from roadmap.errors import BadInput
@@ -73,6 +75,14 @@ def check_kind(
         shown = repr(value)
         shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
         raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
+
+
+def check_path(
+    name: str, path: str | os.PathLike, remedy: str = "give its path"
+) -> Path:
+    """Return a path as one; refuse what is none."""
+    check_kind(name, path, (str, os.PathLike), remedy)
+    return Path(path)
 
 
 def settings_of(given: _T | None, kind: type[_T]) -> _T:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from roadmap.errors import BadMap, PlanningError
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_path
 from roadmap.unfinished import beside, put
 
 FORMAT = 1
@@ -29,8 +29,7 @@ def write_folder(path: str | Path, manifest: dict, arrays: dict) -> Path:
     leaves the old folder or the new one, never half of one. Format version and array
     table are added to the manifest.
     """
-    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("the folder of a map", path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -67,8 +66,7 @@ def read_folder(path: str | Path, verify: bool = True) -> tuple[dict, dict]:
     Raises:
         BadMap: No map there, a foreign version, a truncated or altered array.
     """
-    check_kind("the folder of a map", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("the folder of a map", path)
     manifest = _read_manifest(path)
     rows = list(manifest["arrays"].items())
     if not verify:
@@ -113,10 +111,7 @@ def _manifest_hash(manifest: dict) -> str:
 def _read_manifest(path: Path) -> dict:
     file = path / _MANIFEST
     if not file.is_file():
-        raise BadMap(
-            f"{path} holds no map (no {_MANIFEST}); build one with "
-            "`odm build RECIPE --out DIR`"
-        )
+        raise BadMap(f"{path} {_what_instead(path)}")
     try:
         manifest = json.loads(file.read_text(encoding="utf-8"))
         version = manifest["format"]
@@ -138,6 +133,17 @@ def _read_manifest(path: Path) -> dict:
         for name, row in manifest["arrays"].items():
             _check_row(path, name, row)
     return manifest
+
+
+def _what_instead(path: Path) -> str:
+    """Say what lies where no map does, and what to give."""
+    if (path.parent / _MANIFEST).is_file() and path.is_file():
+        return f"is a file of a map; give the map, its folder {path.parent}"
+    if path.is_file():
+        return "is a file and holds no map; give the folder that `odm build` wrote"
+    if inside := sorted(file.parent.name for file in path.glob(f"*/{_MANIFEST}")):
+        return f"holds no map itself but {', '.join(inside[:4])}; give one of these"
+    return f"holds no map (no {_MANIFEST}); build one with `odm build RECIPE --out DIR`"
 
 
 def _check_row(path: Path, name: str, row: dict) -> None:

@@ -100,7 +100,7 @@ def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
     """Return a rigid `pose` as float (4, 4); refuse anything else by its name."""
     try:
         pose = np.asarray(pose).astype(float, casting="same_kind", copy=False)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         kind = type(pose).__name__
         raise BadInput(
             f"{name}, a {kind}, holds no real numbers; give a (4, 4) pose of numbers"

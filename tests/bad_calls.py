@@ -12,6 +12,7 @@ import sys
 import threading
 
 import numpy as np
+from command_line import ROOT
 
 from odm.answer import Freedom
 from roadmap.errors import PlanningError
@@ -24,15 +25,18 @@ FACES = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]]
 
 def calls(odm, planner, hand, home):
     """Return the calls by name; each returns what it was told, or raises."""
+    import handover
+    from odm.execution import ExecutionSettings, slowest_stop
     from odm.execution.stop_test import BrakingTest
     from odm.execution.threat import Threat, ThreatSettings
     from odm.obstacles.scenery import parse_scenery
     from odm.obstacles.shapes import Box
-    from roadmap import time_path, tool_pose
+    from roadmap import load_robot, time_path, tool_pose
 
     nan, robot = np.nan, planner.robot
     far_box = Box([0.1, 0.1, 0.1], Box([1.0, 1.0, 1.0]).T_base_shape + FAR)
     still = time_path(robot, home[None])
+    camera = odm.DepthCamera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4))
 
     def elsewhere(question):
         told = []
@@ -150,6 +154,34 @@ def calls(odm, planner, hand, home):
         "a recipe that is a dict": lambda: odm.build_map({"robot": {}}),
         "the tool at too many joints": lambda: tool_pose(robot, np.zeros(9)),
         "a set-point at a text": lambda: still.at("end"),
+        "samples at a text": lambda: still.sample("x"),
+        "a commit point at a text": lambda: still.commit("x"),
+        "joined at no commit point": lambda: still.join(0.0, home, home[None]),
+        "the tool of a name": lambda: tool_pose("panda", home),
+        "the surface of a name": lambda: odm.robot_surface("panda", home),
+        "somebody comes, no pairs": lambda: planner.evasion(home, [hand], 0.5),
+        "somebody comes at a text": lambda: planner.evasion(home, [("x", hand)], 0.5),
+        "a period of text": lambda: slowest_stop(
+            robot, ExecutionSettings(), "x", ThreatSettings()
+        ),
+        "a cover of text": lambda: load_robot(
+            ROOT / "maps" / "plain_arm.urdf", tip="tool", cover_excess="x"
+        ),
+        "a camera's thinnest at a text": lambda: camera.thinnest("x"),
+        "a camera's radius at a text": lambda: camera.covering_radius("x"),
+        "what is seen of no map": lambda: odm.SeenSpace("map", camera),
+        "a person of no place": lambda: handover.Human().placed("x", 0.0, 0.0),
+        "a person of text": lambda: handover.human_from_joints("x"),
+        "a scene that is a number": lambda: handover.load_scene(5),
+        "an object that is a number": lambda: handover.load_object(5),
+        "a reach map that is a number": lambda: handover.load_reach_map(5),
+        "nobody to meet": lambda: handover.InteractionWorkspace(
+            "reach", handover.Human(), handover.wrench()
+        ),
+        "the quality of nobody": lambda: handover.posture_quality("x", np.zeros(7)),
+        "an array as a speed": lambda: time_path(
+            robot, home[None], speed_scale=np.eye(3)
+        ),
     }
 
 

@@ -21,7 +21,7 @@ def outcomes(small_map, tmp_path_factory):
 
 
 def test_none_of_them_crashes_or_is_called_free(outcomes):
-    assert len(outcomes) > 44
+    assert len(outcomes) > 70
     for name, told in outcomes.items():
         assert told, name
         assert not told.startswith((FREE, "ended with")), (name, told)

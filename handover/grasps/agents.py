@@ -207,8 +207,8 @@ def load_agent(name: str) -> Agent:
     Raises:
         BadInput: No agent has that name; lists them.
     """
-    if name in _AGENTS:
-        return _AGENTS[name]
+    if str(name) in _AGENTS:
+        return _AGENTS[str(name)]
     raise BadInput(
         f"there is no agent {name!r}; {did_you_mean(name, agent_names())} one of "
         f"{', '.join(agent_names())}"

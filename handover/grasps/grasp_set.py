@@ -9,6 +9,7 @@ from handover.grasps.objects import GraspObject, make_object
 from odm.obstacles.shapes import Mesh
 from roadmap.arrays import freeze
 from roadmap.errors import BadMap
+from roadmap.ranges import check_path
 from roadmap.store import made_of, read_folder, write_folder
 
 _KIND = "grasp set"
@@ -97,7 +98,7 @@ def load_grasps(path: str | Path) -> GraspSet:
     Raises:
         BadMap: No grasp set, or one that is truncated, altered or of another version.
     """
-    path = Path(path)
+    path = check_path("the folder of a grasp set", path)
     if not (path / "manifest.json").is_file():
         raise BadMap(
             f"{path} holds no grasp set; build one with `odm grasps build --object "

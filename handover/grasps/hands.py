@@ -145,8 +145,9 @@ def hand_names() -> list[str]:
 
 def hand_spec(name: str) -> HandSpec:
     """Return what is known of a hand; BadInput lists the known names."""
-    if name in _ALSO or name in _HANDS:
-        return _HANDS[_ALSO.get(name, name)]
+    known = _ALSO.get(str(name), str(name))
+    if known in _HANDS:
+        return _HANDS[known]
     raise BadInput(
         f"there is no hand {name!r}; {did_you_mean(name, hand_names())} one of "
         f"{', '.join(hand_names())}"

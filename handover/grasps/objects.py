@@ -16,6 +16,7 @@ from odm.obstacles.mesh_surface import closed_triangles
 from odm.obstacles.shapes import Mesh
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import check_path
 from roadmap.transforms import moved_points, pose_of
 
 LARGEST, SMALLEST = 1.0, 0.005  # [m] longest edge of the box of what hands pass on
@@ -116,6 +117,7 @@ def load_object(
     Raises:
         BadInput: No such name or file, or a mesh that `make_object` refuses.
     """
+    path = check_path("an object", source, "give its name or the path of a mesh")
     if str(source) in _OBJECTS:
         if mass_kg is not None or scale != 1.0:
             raise BadInput(
@@ -123,7 +125,6 @@ def load_object(
                 "leave mass and scale out, or give a mesh file"
             )
         return _OBJECTS[str(source)]()
-    path = Path(source)
     if not path.is_file():
         raise BadInput(
             f"there is no object {str(source)!r} and no mesh file of that name; give "

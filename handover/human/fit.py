@@ -12,6 +12,7 @@ from handover.human.body import ARM, JOINTS, SIDES, BodySizes
 from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_side
 from handover.human.skeleton import Skeleton
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
@@ -145,7 +146,7 @@ def _about_y(angle: float) -> np.ndarray:
 def _named(places: np.ndarray | Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return joint -> place of those that are known."""
     if not isinstance(places, Mapping):
-        places = np.asarray(places, float)
+        places = as_floats("places", places)
         if places.shape != (len(JOINTS), 3):
             raise BadInput(
                 f"places have shape {places.shape}; give ({len(JOINTS)}, 3), one row "
@@ -157,7 +158,7 @@ def _named(places: np.ndarray | Mapping[str, np.ndarray]) -> dict[str, np.ndarra
         raise BadInput(
             f"a body has no joint {', '.join(unknown)}; choose from {', '.join(JOINTS)}"
         )
-    at = {name: np.asarray(place, float) for name, place in places.items()}
+    at = {name: as_floats(name, place) for name, place in places.items()}
     wrong = [name for name, place in at.items() if place.shape != (3,)]
     if wrong:
         raise BadInput(f"the place of {wrong[0]} is no (3,) point in metres")

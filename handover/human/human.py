@@ -36,7 +36,7 @@ from handover.human.postures import Posture, floor_pose, leg_places, posture_nam
 from handover.human.skeleton import Skeleton
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import Surface, sample_capsules
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import moved_rods
 from roadmap.transforms import check_pose, inverse_pose, rotation_rpy
@@ -80,6 +80,8 @@ class Human:
     thickness: str = "conservative"
     bend: np.ndarray | None = None
     T_world_chest: np.ndarray = field(init=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         body.check_height(self.height, "nothing is known of the shape of such a person")
@@ -175,7 +177,7 @@ class Human:
 
     def placed(self, x: float, y: float, yaw: float) -> "Human":
         """Return the person resting on the floor at x, y [m], facing `yaw` [rad]."""
-        place = (float(x), float(y), float(yaw))
+        place = tuple(as_floats("x, y and yaw", [x, y, yaw]).tolist())
         if not np.isfinite(place).all():
             raise BadInput(f"nobody stands at {place}; give finite x, y [m], yaw [rad]")
         posture = posture_named(self.posture)
@@ -206,7 +208,7 @@ class Human:
 
     def looking_at(self, p_world: np.ndarray) -> "Human":
         """Return the person looking at a place (3,) [m]."""
-        return self.looking(np.asarray(p_world, float) - self.p_world_eyes)
+        return self.looking(as_floats("p_world", p_world) - self.p_world_eyes)
 
     def capsules(self) -> np.ndarray:
         """Return the whole body as closed capsules (k, 7) a, b, radius, world [m].
@@ -314,7 +316,7 @@ def _joints(
 
 
 def _checked_bend(bend: np.ndarray) -> np.ndarray:
-    bend = np.asarray(bend, float)
+    bend = as_floats("a bend of the trunk", bend)
     if bend.shape != (3,) or not (np.abs(bend) <= np.pi / 2).all():
         raise BadInput(
             f"a bend of the trunk of {bend.tolist()} is none; give roll, pitch, yaw of "
@@ -326,7 +328,7 @@ def _checked_bend(bend: np.ndarray) -> np.ndarray:
 def _direction(gaze: np.ndarray | None) -> np.ndarray | None:
     if gaze is None:
         return None
-    gaze = np.asarray(gaze, float)
+    gaze = as_floats("gaze", gaze)
     length = np.linalg.norm(gaze)
     if gaze.shape != (3,) or not 1e-9 < length < np.inf:
         raise BadInput(

@@ -23,7 +23,7 @@ from handover.human._arm_solve import solvable_poses, solve_arm
 from handover.human._human_arm import arm_axes, arm_jacobian, arm_pose
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from handover.human.body import SIDES
-from roadmap.arrays import freeze, frozen
+from roadmap.arrays import as_floats, freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose, flat_pose, pose_of_flat
 
@@ -259,7 +259,8 @@ def check_side(side: str) -> str:
 
 def check_joints(q: np.ndarray) -> np.ndarray:
     """Return q as (7,) float, or refuse another shape, NaN and infinity."""
-    q = np.array(q, dtype=float)  # a copy: to numba a frozen array is another type
+    # a copy: to numba a frozen array is another type
+    q = np.array(as_floats("joints of an arm", q))
     if q.shape != (7,) or not all(map(math.isfinite, q.tolist())):
         raise BadInput(
             f"joints of an arm have shape {q.shape} and values {q.tolist()}; give "

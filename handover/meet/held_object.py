@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number
+from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
 # [rad] order of the rolls about a handle: the first four are the quarters, so that the
@@ -37,8 +37,10 @@ class HeldObject:
     hand_grasps: np.ndarray
     turns: int = 4
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
-        capsules = np.asarray(self.capsules, float)
+        capsules = as_floats(f"capsules of {self.name}", self.capsules)
         if capsules.ndim != 2 or capsules.shape[1] != 7 or not len(capsules):
             raise BadInput(
                 f"capsules of {self.name} have shape {capsules.shape}; give (k, 7): "
@@ -49,7 +51,7 @@ class HeldObject:
                 f"capsules of {self.name} hold NaN, infinity or a radius of 0 or less; "
                 "give metres"
             )
-        if not 0 < self.mass_kg < 100:
+        if not (is_between(self.mass_kg, 0.0, 100.0) and 0.0 < self.mass_kg < 100.0):
             raise BadInput(
                 f"{self.name} has a mass of {self.mass_kg} kg; give more than 0 and "
                 "less than 100"
@@ -68,7 +70,7 @@ class HeldObject:
 
 def checked_grasps(grasps: Sequence | np.ndarray) -> np.ndarray:
     """Return grasps T_object_hand as (n, 4, 4), rigid, at least one, read-only."""
-    grasps = np.asarray(grasps, float)
+    grasps = as_floats("grasps", grasps)
     if grasps.size == 0:
         raise BadInput(
             "there is no human grasp; give at least one T_object_hand, or leave "

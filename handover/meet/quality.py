@@ -17,8 +17,9 @@ from handover.human.human import Human
 from handover.human.human_arm import MIRROR, check_joints
 from handover.meet import _quality as kernel
 from handover.meet.settings import PARTS, QualitySettings
-from roadmap.arrays import freeze
+from roadmap.arrays import as_floats, freeze
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,8 @@ class ArmState:
         Raises:
             BadInput: An unknown side, obstacles of a wrong shape or not finite.
         """
+        check_kind("human", human, Human, "give a handover.Human")
+        check_kind("settings", settings, QualitySettings, "give QualitySettings(...)")
         arm, T = human.arm(side), human.T_world_shoulder(side)
         flip = MIRROR if side == "left" else np.eye(3)
         into = flip @ T[:3, :3].T  # from world directions to the canonical shoulder
@@ -106,6 +109,7 @@ class Quality:
 
 def posture_quality(state: ArmState, q: np.ndarray) -> Quality:
     """Return the qualities of the joints q (7,) [rad] for a person as in `state`."""
+    check_kind("state", state, ArmState, "give what ArmState.of returns")
     parts = np.empty(5)
     args = state.state, state.obstacles, state.settings, check_joints(q), parts
     online = kernel.quality_of(*args)
@@ -153,7 +157,7 @@ def _not_of_arm(labels: bytes, side: str) -> np.ndarray:
 def _checked(obstacles: Sequence | np.ndarray | None) -> np.ndarray:
     if obstacles is None:
         return np.empty((0, 7))
-    obstacles = np.asarray(obstacles, float)
+    obstacles = as_floats("obstacles", obstacles)
     if obstacles.ndim != 2 or obstacles.shape[1] != 7:
         raise BadInput(f"obstacles have shape {obstacles.shape}; give capsules (k, 7)")
     if not np.isfinite(obstacles).all() or (obstacles[:, 6] < 0).any():

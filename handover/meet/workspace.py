@@ -6,6 +6,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, is_between, settings_of
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
@@ -101,6 +102,8 @@ class InteractionWorkspace:
             BadInput: No grasp, a grid finer than the map, a map of the wrong kind.
         """
         self.settings = settings_of(settings, MeetSettings)
+        check_kind("reach", reach, ReachMap, "give what load_reach_map returns")
+        check_kind("obj", obj, HeldObject, "give a HeldObject, such as wrench()")
         self.obj, self.reach = obj, reach
         self.grasps = _grasps(obj, grasps)
         s = self.settings
@@ -139,6 +142,7 @@ class InteractionWorkspace:
 
         A ranking that has begun is given up.
         """
+        check_kind("human", human, Human, "give a handover.Human")
         s = self.settings
         self._give_up()
         state = state_of(human, s, self.human, self._state)
@@ -194,7 +198,7 @@ class InteractionWorkspace:
         `go_on` leads it to its end, some work a frame, then `ranked` returns them. A
         ranking that was begun before is given up.
         """
-        if not 1 <= k <= 100_000:
+        if not (is_between(k, 1, 100_000) and isinstance(k, Integral)):
             raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
         self._give_up()
         if len(self._top.value) != k:

@@ -12,9 +12,10 @@ from handover.reach import _reach_lookup as lookup
 from handover.reach.extremes import work_of
 from handover.reach.reach_grid import ReachGrid
 from handover.reach.rotations import rotation_grid
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput, BadMap
 from roadmap.kinematics._chain import from_lattice
+from roadmap.ranges import check_path
 from roadmap.robot.robot import Robot
 from roadmap.store import made_of, read_folder, write_folder
 from roadmap.transforms import check_pose, flat_pose
@@ -53,6 +54,8 @@ class ReachMap:
     reference: float
     built: dict = field(default_factory=dict)
     hash: str = ""
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         arrays = [frozen(a, t) for a, t in zip(self.packed, _PACKED.values())]
@@ -183,7 +186,7 @@ class ReachMap:
         return write_folder(path, manifest, arrays | {"origin": self.grid.origin})
 
     def _poses(self, poses: np.ndarray, unit_m: float) -> np.ndarray:
-        poses = np.asarray(poses, float)
+        poses = as_floats("poses", poses)
         if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3):
             raise BadInput(f"poses have the shape {poses.shape}; give (n, 4, 4)")
         stack = poses.reshape(-1, 4, 4)
@@ -225,7 +228,7 @@ def load_reach_map(
     Raises:
         BadMap: Not a reach map, truncated, altered, of another version or robot.
     """
-    path = Path(path)
+    path = check_path("the folder of a reach map", path)
     if not (path / "manifest.json").is_file():
         raise BadMap(
             f"{path} holds no reach map; build one with `odm workspace build ROBOT "

@@ -8,7 +8,7 @@ from handover.scenes.scene_file import read_scene
 from handover.scenes.start_check import check_start
 from handover.scenes.varied import varied
 from roadmap.errors import BadInput, did_you_mean
-from roadmap.ranges import check_number
+from roadmap.ranges import check_number, check_path
 
 _SCENES = {**PAPER_SCENES, "varied": varied}
 
@@ -32,10 +32,11 @@ def load_scene(source: str | Path, seed: int = 0) -> Scene:
             start in collision; says what would help.
     """
     check_number("seed", seed, 0, 2**31, whole=True)
+    path = check_path("a scene", source, "give its name or the path of a .toml file")
     if str(source) in _SCENES:
         scene = _SCENES[str(source)](int(seed))
-    elif Path(source).suffix == ".toml" or Path(source).is_file():
-        scene = read_scene(Path(source), int(seed))
+    elif path.suffix == ".toml" or path.is_file():
+        scene = read_scene(path, int(seed))
     else:
         raise BadInput(
             f"there is no scene {str(source)!r}; {did_you_mean(source, scene_names())} "

@@ -22,7 +22,7 @@ from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference, tool_pose
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, settings_of
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
@@ -103,6 +103,8 @@ class LiveTargets:
         settings: LiveSettings | None = None,
     ) -> None:
         s = self.settings = settings_of(settings, LiveSettings)
+        check_kind("planner", planner, ReactivePlanner, "give an odm.ReactivePlanner")
+        check_kind("meet", meet, InteractionWorkspace, "give an InteractionWorkspace")
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)
         self.finder = TargetGoals(planner, meet, index, s)

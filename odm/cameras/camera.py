@@ -1,13 +1,13 @@
 """DepthCamera: a pin-hole camera with a pose, and what follows from its pixels."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.checks import as_floats
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
@@ -91,6 +91,7 @@ class DepthCamera:
         centre of a pixel wherever it is in view, even if single pixels have no
         reading; see `odm.cameras._seen`.
         """
+        check_number("depth_m", depth_m, 0.0, math.inf)
         return 2.0 * depth_m * self.kappa / (1.0 - self.kappa)
 
     def covering_radius(self, depth_m: float) -> float:
@@ -104,6 +105,7 @@ class DepthCamera:
         Args:
             depth_m: Largest depth of the points [m].
         """
+        check_number("depth_m", depth_m, 0.0, math.inf)
         half_diagonal = np.sqrt(0.5) * self.kappa
         return float(depth_m * half_diagonal / np.cos(np.radians(_STEEPEST)))
 

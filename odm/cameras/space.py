@@ -1,7 +1,8 @@
 """SeenSpace: what cameras see occupied, free or not at all, kept up to date."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from odm.cameras.view import lift
 from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, settings_of
 
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
@@ -83,8 +84,11 @@ class SeenSpace:
         cameras: Sequence[DepthCamera] | DepthCamera,
         settings: SeenSettings | None = None,
     ) -> None:
+        check_kind("cell_map", cell_map, CellMap, "give what odm.load_map returns")
         self.cell_map, self.robot = cell_map, cell_map.robot
         one = isinstance(cameras, DepthCamera)
+        if not one:
+            check_kind("cameras", cameras, Iterable, "give DepthCamera objects")
         self.cameras = (cameras,) if one else tuple(cameras)
         self.settings = settings_of(settings, SeenSettings)
         self.covering_radius = layout.covering_radius(cell_map)
@@ -130,6 +134,7 @@ class SeenSpace:
         images = self._check_images(images)
         q = check_configuration(self.robot, q, None)
         payload = layout.check_payload(payload)
+        check_kind("stamp", stamp, Real, "give seconds as a number")
         trouble = self._judge_time(stamp)
         if trouble is None and not np.isfinite(q).all():
             trouble = (

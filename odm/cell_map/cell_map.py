@@ -13,7 +13,7 @@ from odm.close_test.arm import arm_of
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
-from roadmap.arrays import freeze
+from roadmap.arrays import brief, freeze
 from roadmap.errors import BadInput, BadMap
 from roadmap.graph.roadmap import Roadmap
 from roadmap.ranges import check_kind
@@ -81,6 +81,8 @@ class CellMap:
     hash: str = ""
     # where exactly this map lies: (folder, verified when loaded)
     _lies: tuple[str, bool] | None = field(default=None, init=False, repr=False)
+
+    __repr__ = brief
 
     def __copy__(self) -> "CellMap":
         """Return the map itself: nothing in it can change."""
@@ -167,7 +169,10 @@ def load_map(
         check_kind("robot", robot, Robot, "give what roadmap.load_robot returns")
     manifest, arrays = read_folder(path, verify)
     if manifest.get("kind") != "cell map":
-        raise BadMap(f"{path} holds a {manifest.get('kind')!r}, not a cell map")
+        raise BadMap(
+            f"{path} holds a {manifest.get('kind')!r}, not a cell map; give the folder "
+            "that `odm build` wrote"
+        )
     with made_of(path):
         loaded = _made(manifest, arrays)
     if robot is not None and robot.fingerprint() != manifest["robot_hash"]:

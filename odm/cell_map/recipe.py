@@ -1,7 +1,6 @@
 """Recipes: everything a map is built from, as TOML, checked before any work."""
 
 import difflib
-import os
 import sys
 import tomllib
 from dataclasses import dataclass, field, fields
@@ -16,7 +15,7 @@ from odm.close_test.safety import TERMS, Safety, between
 from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
-from roadmap.ranges import check_kind, is_between
+from roadmap.ranges import check_path, is_between
 
 _TABLES = ("name", "robot", "roadmap", "safety", "scenery", "payload")
 AUTO = "auto"  # as a recipe says it: the fingers travel, as far as that can be done
@@ -137,8 +136,7 @@ def load_recipe(source: str | Path) -> Recipe:
             known one) or a value out of range.
     """
     remedy = "give its name or path, or make one with odm.load_recipe"
-    check_kind("a recipe", source, (str, os.PathLike), remedy)
-    path = Path(source)
+    path = check_path("a recipe", source, remedy)
     if path.suffix == ".toml":
         if not path.is_file():
             raise BadRecipe(f"recipe file {path} does not exist; check the path")

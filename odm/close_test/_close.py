@@ -299,8 +299,7 @@ def solid_threshold(solids, k, radius, i, escape, anchor):
 def bodies_at_solids(clearance, mask, half, solids, escape):
     """Test the bodies of `mask` at one configuration; False: one is in the way.
 
-    work.state says of each whether it is free, 0, or open, 1. All bodies in one call:
-    the groups that it is handed cost more than the test of a body.
+    work.state says of each whether it is free, 0, or open, 1.
     """
     arm, bare, work = clearance.arm, clearance.bare, clearance.work
     for b in range(1, mask.shape[0]):

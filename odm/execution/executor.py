@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from odm.checks import as_floats
 from odm.execution.lookout import Lookout, SeparationWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
@@ -31,6 +30,7 @@ from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
 from odm.execution.threat import Moving, SteadyParts, Threat
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, wrapped
 from roadmap.motion.motion import Commit, Motion, SetPoint, time_path

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.checks import as_floats
 from odm.execution.executor import Executor
 from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.settings import IntentSettings
 from odm.execution.threat import age_of
 from odm.obstacles.obstacles import Obstacles
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
 from roadmap.ranges import check_number

@@ -15,7 +15,9 @@ from odm.execution.threat import Moving, Threat, ThreatSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls
+from roadmap.kinematics.joint_tree import check_robot
 from roadmap.motion.motion import Motion
+from roadmap.ranges import check_kind, check_number
 from roadmap.robot.robot import Robot
 
 _ROUNDING = 1e-9  # [m]
@@ -173,6 +175,10 @@ def slowest_stop(
         period: Time between frames [s].
         threat: What is assumed of the person, and of the sensor.
     """
+    check_robot(robot, "max_jerk")
+    check_kind("settings", settings, ExecutionSettings, "give ExecutionSettings(...)")
+    check_number("period [s]", period, 0.0, 10.0)
+    check_kind("threat", threat, ThreatSettings, "give ThreatSettings(...)")
     time = stop_time(robot, settings.slowest_scale, period)
     if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
         threat = replace(threat, jerk=0.0)

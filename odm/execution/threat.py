@@ -57,12 +57,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from odm.checks import as_floats
 from odm.execution._threat import Ability, Tracks, follow, write_between, write_sharpest
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, setting, settings_of
+from roadmap.ranges import CheckedSettings, check_kind, setting, settings_of
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
@@ -470,8 +470,8 @@ class Watcher:
                 "ends and a radius [m] of each part, (0, 7) for nobody"
             )
         for name, value in (("now", now), ("the age of the capsules", age)):
-            if not isinstance(value, Real | None):
-                raise BadInput(f"{name} is {value!r}; give seconds as a number")
+            if name == "now" or value is not None:
+                check_kind(name, value, Real, "give seconds as a number")
         ends = np.ascontiguousarray(capsules[:, :6])  # one layout, one compiled loop
         self._follow(ends.reshape(-1, 2, 3), now)
         self._measure(now)

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm.checks import as_floats
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.static import Place, StaticTest
 from odm.frame import _place as kernels
@@ -17,6 +16,7 @@ from odm.obstacles.obstacles import Obstacles, SolidRoom, together
 from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
 from odm.search._state import Direct, Graph
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.transforms import moved_points
 

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from odm._groups import new
-from odm.checks import as_floats, check_classes, check_points
+from odm.checks import check_classes, check_points
 from odm.obstacles import _solid_samples as kernels
 from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
 from roadmap.ranges import check_kind
@@ -152,6 +153,12 @@ class Obstacles:
         self._hulls, self.data = [], rows.ravel()
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
+
+    def __repr__(self) -> str:
+        """Tell how many there are of each kind."""
+        counts = [*zip(self.counts.tolist(), KINDS, strict=True)]
+        told = [f"{n} {k}" for n, k in (*counts, (len(self.points), "points")) if n]
+        return f"Obstacles({', '.join(told)})"
 
     def _classify(self, classes: dict) -> None:
         """Keep the classes of points and of all shapes."""

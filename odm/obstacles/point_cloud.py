@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from odm.checks import as_floats, point_floats
+from odm.checks import point_floats
 from odm.obstacles.unit import (
     FROM_BASE,
     MAX_RANGE_M,
@@ -13,6 +13,7 @@ from odm.obstacles.unit import (
     not_finite,
     too_far_off,
 )
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
 from roadmap.transforms import check_pose, moved_points

@@ -8,6 +8,7 @@ from odm.checks import check_numbers
 from odm.obstacles import shapes as solid
 from odm.obstacles.surfaces import Surface, surface_of
 from roadmap.kinematics.forward import body_frames
+from roadmap.kinematics.joint_tree import check_robot
 from roadmap.robot.robot import Robot
 from roadmap.transforms import check_pose
 
@@ -33,6 +34,7 @@ def robot_surface(
         BadInput: `q` has the wrong length or is not finite, the pose is not a rigid
             (4, 4) matrix, or `spacing` is not above 0.
     """
+    check_robot(robot, "solid_link")
     frames = body_frames(robot, check_numbers(robot, q, "q of the other robot"))
     if T_world_base is not None:
         frames = check_pose(T_world_base, "T_world_base") @ frames

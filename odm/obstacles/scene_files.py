@@ -1,7 +1,6 @@
 """Scenes of other programs: MoveIt's `.scene` files, and URDFs as scenery."""
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput, BadRobot
 from roadmap.loading.body_tree import link_poses
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_path
 from roadmap.robot.description import Joint, read_description
 from roadmap.robot.meshes import find_mesh
 from roadmap.transforms import pose_with, rotation_to_z
@@ -45,8 +44,7 @@ def read_scene(path: str | Path) -> list[Object]:
         BadInput: The file is not there, is of another kind, or is broken (names the
             line).
     """
-    check_kind("a scene", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("a scene", path)
     if path.suffix.lower() not in KINDS:
         ends = (
             f"its name ends in {path.suffix!r}" if path.suffix else "it has no ending"
@@ -77,8 +75,7 @@ def write_scene(path: str | Path, objects: Sequence[Object]) -> Path:
     Raises:
         BadInput: The path, or something that no such file can hold.
     """
-    check_kind("a scene", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("a scene", path)
     if path.suffix.lower() != ".scene":
         raise BadInput(f"{path} would be no scene file; give a name ending in .scene")
     words = ["scene"]

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from odm.checks import as_floats
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
 from roadmap.ranges import is_between
@@ -111,6 +111,11 @@ class Box(_Posed):
     size: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
 
+    if TYPE_CHECKING:
+
+        def __init__(self, size: ArrayLike, T_base_shape: np.ndarray = ...) -> None:
+            """Make it of anything that numpy takes for an array."""
+
     def __post_init__(self) -> None:
         size = as_floats("the size of a box", self.size)
         if size.shape != (3,):
@@ -133,6 +138,13 @@ class Mesh(_Posed):
     vertices: np.ndarray
     faces: np.ndarray
     T_base_shape: np.ndarray = field(default_factory=_identity)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, vertices: ArrayLike, faces: ArrayLike, T_base_shape: np.ndarray = ...
+        ) -> None:
+            """Make it of anything that numpy takes for an array."""
 
     def __post_init__(self) -> None:
         """Check the arrays, and that the mesh is closed; turn it outside out."""

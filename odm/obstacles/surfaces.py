@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.checks import as_floats
 from odm.obstacles import shapes as solid
 from odm.obstacles._surfaces import SHRINK, sample_rods
-from roadmap.arrays import frozen, writable
+from roadmap.arrays import as_floats, frozen, writable
 from roadmap.errors import BadInput
 from roadmap.ranges import is_between
 from roadmap.transforms import check_pose, moved_points

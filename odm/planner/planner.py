@@ -8,6 +8,7 @@ from time import perf_counter_ns
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from odm.answer import (
     CLOSE_TEST,
@@ -30,7 +31,6 @@ from odm.approach.approach import Approacher
 from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
 from odm.checks import (
-    as_floats,
     check_configuration,
     check_numbers,
     check_points,
@@ -67,7 +67,7 @@ from odm.search import _recent as recent
 from odm.search import _step as codes
 from odm.search._astar import LARGE
 from odm.search.state import Memory
-from roadmap.arrays import writable
+from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import check_kind, check_number, is_between, settings_of
 from roadmap.transforms import check_pose
@@ -169,6 +169,11 @@ class ReactivePlanner:
         """
         self._memory.owner.take_over()
 
+    def __repr__(self) -> str:
+        """Tell the map, and how many goals there are."""
+        name, nodes = self.cell_map.recipe.name, len(self.cell_map.roadmap.nodes)
+        return f"ReactivePlanner(map {name}, {nodes} nodes, {len(self.goals)} goals)"
+
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         """Refuse to be copied or pickled; say what to do instead."""
         refuse_copy()
@@ -246,10 +251,10 @@ class ReactivePlanner:
 
     def set_goals(
         self,
-        goals: Sequence[np.ndarray] | None = None,
-        costs: Sequence[float] | None = None,
+        goals: ArrayLike | None = None,
+        costs: ArrayLike | None = None,
         *,
-        poses: Sequence[np.ndarray] | None = None,
+        poses: Sequence[np.ndarray] | np.ndarray | None = None,
         tolerance: float | tuple[float, float] | None = None,
         most: int | None = None,
     ) -> GoalReport:
@@ -987,7 +992,7 @@ class ReactivePlanner:
     def evasion(
         self,
         q: np.ndarray,
-        coming: Sequence[tuple[float, np.ndarray]],
+        coming: Sequence[tuple[float, np.ndarray | Obstacles]],
         speed_scale: float,
     ) -> np.ndarray | None:
         """Return a (2, dof) motion from q that evades what comes, or None.

@@ -19,6 +19,9 @@ from odm.planner.attaching import Attacher
 from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
 from roadmap.motion.blended_path import check_scale
+from roadmap.ranges import check_kind, is_between
+
+_LONGEST_S = 1e9  # from now until somebody comes
 
 
 class Retreat:
@@ -93,8 +96,11 @@ class Retreat:
         check_scale(speed_scale)
         frame, s = self.frame, self.settings
         q = check_numbers(frame.robot, q)
-        if not np.isfinite([t for t, _ in coming]).all():
-            raise BadInput("somebody comes at a time that is not finite; give seconds")
+        check_kind("coming", coming, Sequence, "give [(seconds, shapes or points)]")
+        for one in coming:
+            pair = isinstance(one, Sequence) and len(one) == 2
+            if not (pair and is_between(one[0], -_LONGEST_S, _LONGEST_S)):
+                raise BadInput(f"coming holds {one!r}; give (seconds, obstacles)")
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None

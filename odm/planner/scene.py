@@ -215,6 +215,10 @@ class Scene:
             most = check_number("most", most, 0, 10**9, whole=True)
         return self._carrier.items.test_waiting(most)
 
+    def __repr__(self) -> str:
+        """Tell the objects."""
+        return f"Scene({', '.join(self._objects)})"
+
     @property
     def waiting(self) -> int:
         """How many items are closed by an object's cells alone, to be tested yet."""

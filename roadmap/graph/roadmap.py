@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from roadmap.arrays import freeze, frozen
+from roadmap.arrays import brief, freeze, frozen
 
 N_LANDMARKS = 16
 
@@ -30,6 +30,8 @@ class Roadmap:
     adj_node: np.ndarray = field(init=False)
     adj_edge: np.ndarray = field(init=False)
     adj_length: np.ndarray = field(init=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         freeze(self, nodes=float, lengths=float, weights=float, landmarks=float)

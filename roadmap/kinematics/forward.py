@@ -5,7 +5,7 @@ import numpy as np
 from roadmap.arrays import writable
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics import _forward as kernels
-from roadmap.kinematics.joint_tree import JointTree
+from roadmap.kinematics.joint_tree import JointTree, check_robot
 from roadmap.transforms import pose_of_flat
 
 
@@ -103,9 +103,10 @@ def _flat_frames(robot: JointTree, q: np.ndarray) -> np.ndarray:
 
 def checked(robot: JointTree, q: np.ndarray) -> np.ndarray:
     """Return `q` as a (dof,) float array, or raise BadConfiguration."""
+    check_robot(robot)
     try:
         q = np.ascontiguousarray(q, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadConfiguration(f"q must be {robot.dof} numbers, not {q!r}") from error
     if q.shape != (robot.dof,):
         raise BadConfiguration(

@@ -4,6 +4,8 @@ from typing import Protocol
 
 import numpy as np
 
+from roadmap.ranges import check_kind
+
 PARENT, JOINT, KIND = 0, 1, 2  # columns of tree_i
 FIXED, REVOLUTE, PRISMATIC = 0, 1, 2  # tree_i[:, KIND]
 
@@ -65,3 +67,10 @@ class JointTree(Protocol):
     @property
     def sphere_reach(self) -> np.ndarray:
         """(n, n_bodies) largest distance of its centre from a joint's axis [m]."""
+
+
+def check_robot(robot: object, has: str = "tree_i") -> None:
+    """Refuse what is no robot, such as a name: it lacks an attribute that one has."""
+    if not hasattr(robot, has):
+        remedy = "give what roadmap.load_robot returns, or the robot of a map"
+        check_kind("a robot", robot, (), remedy)

@@ -1,17 +1,15 @@
 """Pairs of links that an SRDF declares not to need a collision test."""
 
 import os
-from pathlib import Path
 
 from roadmap.errors import BadRobot
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_path
 from roadmap.robot.description import read_xml
 
 
 def read_disabled_pairs(path: str | os.PathLike) -> dict[frozenset[str], str]:
     """Return {links: reason} of the <disable_collisions> of an SRDF file."""
-    check_kind("an SRDF file", path, (str, os.PathLike), "give its path")
-    path = Path(path)
+    path = check_path("an SRDF file", path)
     if path.is_dir():
         raise BadRobot(f"{path} is a folder; name the SRDF in it, or leave it out")
     if not path.is_file():

@@ -12,7 +12,7 @@ from roadmap.loading.finger_chain import Carried, carried_links
 from roadmap.loading.fingers import finger_joints
 from roadmap.loading.srdf import read_disabled_pairs
 from roadmap.loading.travel import check_travel, check_width, radii_of
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, check_number
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, own_file, robot_file
 from roadmap.robot.robot import Robot
@@ -66,6 +66,9 @@ def load_robot(
         BadRobot: The description or the choice of joints cannot be used; says why.
     """
     path, known = robot_file(source), known_robot(source)
+    check_number("cover_excess [m]", cover_excess, 1e-3, 1.0)
+    if tip is not None:
+        check_kind("tip", tip, str, "give the name of a link")
     description = read_description(path, known.endless if known else ())
     both = sorted(set(travel or ()) & set(locked or {}))
     if both:

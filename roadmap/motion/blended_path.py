@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roadmap.arrays import brief
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import unwrapped
 from roadmap.motion.blending import (
@@ -56,6 +57,8 @@ class BlendedPath:
     j: np.ndarray
     deviation: float
     home: np.ndarray
+
+    __repr__ = brief
 
     @classmethod
     def of(
@@ -251,7 +254,7 @@ def unwound(robot: Robot, path: np.ndarray) -> np.ndarray:
     """
     try:
         path = np.array(path, float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(
             f"what was given as a path ({type(path).__name__}) holds no numbers; give "
             f"(k, {robot.dof}) corners, such as answer.path"

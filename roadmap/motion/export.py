@@ -5,14 +5,13 @@ the data as it is.
 """
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind, is_between
+from roadmap.ranges import check_path, is_between
 from roadmap.unfinished import beside
 
 _MOST = 10_000_000  # rows
@@ -71,8 +70,7 @@ def write_csv(
     Raises:
         BadInput: It cannot be written.
     """
-    check_kind("a file", file, (str, os.PathLike), "give its path")
-    file = Path(file)
+    file = check_path("a file", file)
     names = [f"{k}_{name}" for k in ("q", "dq", "ddq") for name in joint_names]
     table = np.concatenate([times[:, None], *points], axis=1)
     rows = [",".join(["time_s", *names])]

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
+from roadmap.kinematics.joint_tree import check_robot
 from roadmap.motion.blended_path import SAME, BlendedPath, check_scale, unwound
 from roadmap.motion.blending import blend_path
 from roadmap.motion.export import as_joint_trajectory, sample_times, write_csv
@@ -22,7 +23,7 @@ from roadmap.motion.joining import Commit, joined, rescaled
 from roadmap.motion.retiming import timed
 from roadmap.motion.stopping import quickest_stop
 from roadmap.motion.timing import NoProfile, SpeedProfile, State
-from roadmap.ranges import check_kind, is_between
+from roadmap.ranges import check_kind, check_number, is_between
 from roadmap.robot.robot import Robot
 
 BLEND = 0.005  # [m] default bound on how far rounded corners deviate
@@ -51,6 +52,8 @@ class Motion:
     profile: SpeedProfile
     speed_scale: float
     jerk_scale: float = 1.0
+
+    __repr__ = brief
 
     @property
     def duration(self) -> float:
@@ -85,7 +88,10 @@ class Motion:
         Raises:
             BadInput: A time is negative or not a number.
         """
-        s, v, a = self.profile.states(np.asarray(times, float))
+        times = as_floats("times", times)
+        if times.ndim != 1:
+            raise BadInput(f"times have shape {times.shape}; give (n,) seconds")
+        s, v, a = self.profile.states(times)
         q, first, second = self.path.at_all(s)
         v, a = v[:, None], a[:, None]
         return SetPoint(q, v * first, (v * v) * second + a * first)
@@ -128,6 +134,7 @@ class Motion:
         `length` ends it early: the arc length of a stop on the same path.
         """
         s = self.profile.state(t).s
+        check_number("length", length, -math.inf, math.inf)
         until = min(length, self.length)
         corners = [self.path.at(s)[0]]
         for piece in self.path.pieces:
@@ -206,12 +213,18 @@ class Motion:
         It is where the robot stands if it begins to stop `ahead` seconds after `t`,
         but not before arc length `least`. `through_blends` goes on to behind a blend:
         a path that begins on one leads off at an angle, and the robot must stop there.
+
+        Raises:
+            BadInput: `t` is no time, `ahead` is below 0, or `least` is no number.
         """
+        place = self.place(t)
+        check_number("ahead [s]", ahead, 0.0, math.inf)
+        check_number("least, an arc length,", least, -math.inf, math.inf)
         begin = min(t + ahead, self.duration)
         stands = self.length  # a motion that is over has nothing to stop
         if begin < self.duration:
             stands = quickest_stop(self.path, self.profile, begin).end
-        s = min(max(stands, self.place(t), least), self.length)
+        s = min(max(stands, place, least), self.length)
         if through_blends:
             s = self.path.behind_blend(s, self.length)
         return Commit(self.path.at(s)[0].copy(), s, begin)
@@ -246,6 +259,10 @@ class Motion:
         """
         scale = self.speed_scale if speed_scale is None else speed_scale
         check_scale(scale)
+        check_blend(blend)
+        check_kind("commit", commit, Commit, "give what Motion.commit returns")
+        if robot is not None:
+            check_robot(robot, "spheres")
         arguments = (self.path, self.profile, t, commit, path, blend, scale, robot)
         return Motion(*joined(*arguments), scale)
 
@@ -272,14 +289,17 @@ def time_path(
         BadInput: Wrong shape, not finite, no corner, a joint more than 1e-3 outside
             its limits, or a value out of its range.
     """
-    if not hasattr(robot, "max_jerk"):  # arms of a hand-over plan have limits alone
-        what = "give that of a map, or what load_robot returns"
-        check_kind("a robot", robot, Robot, what)
+    check_robot(robot, "max_jerk")  # arms of a hand-over plan have limits alone
     check_scale(speed_scale)
-    if not is_between(blend, 0.0, sys.float_info.max):
-        raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")
+    check_blend(blend)
     path = unwound(robot, path)
     pieces, off = blend_path(robot, path, blend)
     blended = BlendedPath.of(robot, pieces, off, frozen(path[0], np.float64))
     profile = timed(blended, State(0.0, 0.0, 0.0), speed_scale)
     return Motion(blended, profile, speed_scale)
+
+
+def check_blend(blend: float) -> None:
+    """Refuse what is no bound on how far rounded corners deviate [m]."""
+    if not is_between(blend, 0.0, sys.float_info.max):
+        raise BadInput(f"a blend of {blend} m is no bound; give 0 or more")

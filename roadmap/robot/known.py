@@ -8,7 +8,7 @@ from importlib import metadata, resources
 from pathlib import Path
 
 from roadmap.errors import BadRobot, did_you_mean
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_path
 
 # What brings the files, and the remedy where it is absent.
 _HOW = {
@@ -132,8 +132,8 @@ def robot_file(source: str | os.PathLike) -> Path:
 
     BadRobot lists the names, or says how to install what brings the file.
     """
-    check_kind("a robot", source, (str, os.PathLike), "give a name, or a URDF's path")
-    robot, path = known_robot(source), Path(source)
+    path = check_path("a robot", source, "give a name, or a URDF's path")
+    robot = known_robot(source)
     if robot is None:
         if path.is_file():
             return path

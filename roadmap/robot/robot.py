@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from roadmap.arrays import freeze, frozen
+from roadmap.arrays import brief, freeze, frozen
 from roadmap.kinematics.inverse import solve
 
 HULL, BOX, CYLINDER, SPHERE = 0, 1, 2, 3  # solid_kind
@@ -94,6 +94,8 @@ class Robot:
     notes: tuple[str, ...] = ()
     source: str = ""
     moving: np.ndarray = field(init=False, repr=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         freeze(self, **{n: _TYPES.get(n, np.float64) for n in ARRAYS})

@@ -131,7 +131,10 @@ def _compiled() -> Row:
     for command in commands():
         one = Compiling(command)
         wanted |= one.wanted
-        missing |= one.missing()
+        try:
+            missing |= one.missing()
+        except Exception as error:  # nothing of ours can be imported
+            return Row("compiled", "wrong", "nothing", str(error))
     found = f"{len(wanted) - len(missing)} of {len(wanted)} loops"
     if not missing:
         return Row("compiled", "ok", found)

@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from roadmap.ranges import check_path
 from sim.record.record_check import BadRecord, check_arrays
 from sim.record.run_record import FORMAT, INPUTS, TARGETS, RunRecord
 from sim.terminal.npz import TooLarge, array_of, read_members
@@ -53,7 +54,7 @@ def read_record(path: str | Path) -> RunRecord:
         BadRecord: It is truncated, of another version, or its content contradicts
             itself; what was altered of the outcome only is told in the record.
     """
-    members = _members(Path(path))
+    members = _members(check_path("a recording", path))
     if HEAD not in members:
         raise BadRecord(f"{path} holds no {HEAD}; give a recording of `odm run`")
     head = _head(path, members.pop(HEAD))

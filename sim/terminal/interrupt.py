@@ -12,11 +12,12 @@ for its threads. So the signal is heard twice:
    does not raise a second time, which would cut short the tidying up, unless Python
    is about to print that a `__del__`, a callback or an extension swallowed the first.
 2. A thread wakes with the signal, whatever the main thread does. If the process is
-   still there after `GRACE` seconds, it removes what is unfinished and ends it.
+   still there after `GRACE` seconds, or at a second signal, it ends the processes that
+   work for it, removes what is unfinished and ends it.
 
 A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
-milliseconds. In llvmlite, `_OWNING`, it is not raised either. A command that makes use
-of what it has so far asks for `patience`.
+milliseconds. While a loop is compiled, `_COMPILERS`, it is not raised either, but when
+that is done. A command that makes use of what it has so far asks for `patience`.
 
 A program that was started with a signal ignored (nohup) keeps ignoring it; processes
 that it starts hear signals as Python does. Before `listen` is called, in the first
@@ -51,8 +52,9 @@ _WHOLE = (
     ("roadmap/unfinished.py", "put"),  # the old map goes, the new one comes
 )
 # where it is not raised: between a call that hands memory over and the line that notes
-# its new owner, both would free it, and the process would crash
-_OWNING = "/llvmlite/binding/"
+# its new owner, both would free it, and the process would crash; and what numba has
+# begun to note of a loop stays half noted
+_COMPILERS = ("/llvmlite/", "/numba/core/")
 
 
 class _Listener:
@@ -62,8 +64,7 @@ class _Listener:
         self.noted = self.raising = False
         self.code = EXIT_CODE
         self.grace = GRACE
-        self._raised_at: float | None = None
-        self._hurry = False
+        self._raised = False
         # of each signal: taken by others, and what `_watch` left to them
         self.taken = dict.fromkeys(numbers, 0)
         self._passed_over = dict.fromkeys(numbers, 0)
@@ -81,10 +82,8 @@ class _Listener:
         """Raise KeyboardInterrupt in the main thread, once."""
         if not self.noted:
             self.noted, self.code = True, _CODES[number]
-        if self._raised_at is not None:
-            self._hurry |= time.monotonic() - self._raised_at > _SECOND
-        elif not _is_whole(frame) and not _is_owning(frame):
-            self._raised_at = time.monotonic()
+        if not (self._raised or _is_held_back(frame)):
+            self._raised = True
             if not self.raising:  # nothing was begun, or all is done
                 self.end()
             raise KeyboardInterrupt
@@ -103,7 +102,7 @@ class _Listener:
         """Have Ctrl-C raised once more where nobody saw it; `_watch` does."""
         swallowed = kind is KeyboardInterrupt and self.noted
         if swallowed:
-            self._raised_at = None
+            self._raised = False
         return swallowed
 
     def _watch(self) -> None:
@@ -112,11 +111,18 @@ class _Listener:
         number = None
         while number is None:
             number = self._meant(os.read(self._heard, 64))
-        begun = time.monotonic()
-        while time.monotonic() - begun < self.grace and not self._hurry:
+        begun, sent = time.monotonic(), 0
+        os.set_blocking(self._heard, False)
+        while (passed := time.monotonic() - begun) < self.grace:
             time.sleep(_AGAIN)
-            if self._raised_at is None:
+            if not (self._raised or _is_held_back(_current_frames().get(main))):
+                sent += 1
                 signal.pthread_kill(main, number)
+            with suppress(BlockingIOError):
+                sent -= len(os.read(self._heard, 64))
+            if sent < 0 and passed > _SECOND:  # not one of ours
+                break
+            sent = max(sent, 0)
         self.end()
 
     def _meant(self, heard: bytes) -> int | None:
@@ -143,6 +149,7 @@ class _Listener:
         with suppress(Exception):
             if threading.current_thread() is threading.main_thread():
                 sys.stdout.flush()
+        _end_processes()
         _remove_unfinished()
         shown = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # rich hides the cursor
         with suppress(OSError):
@@ -221,6 +228,14 @@ def patience(seconds: float) -> Iterator[None]:
         here.grace = before
 
 
+def _end_processes() -> None:
+    """End the processes that work for this one; a loop takes them seconds."""
+    with suppress(Exception):
+        if processes := sys.modules.get("multiprocessing"):
+            for child in processes.active_children():
+                child.kill()
+
+
 def _remove_unfinished() -> None:
     with suppress(Exception):
         if files := sys.modules.get("roadmap.unfinished"):
@@ -236,9 +251,10 @@ def _is_whole(frame: FrameType | None) -> bool:
     )
 
 
-def _is_owning(frame: FrameType | None) -> bool:
-    """Return whether a stack is inside llvmlite, see `_OWNING`."""
-    return any(_OWNING in code.co_filename for code in _codes(frame))
+def _is_held_back(frame: FrameType | None) -> bool:
+    """Return whether a stack is where nothing is raised: whole, or in a compiler."""
+    compiles = (c in code.co_filename for code in _codes(frame) for c in _COMPILERS)
+    return _is_whole(frame) or any(compiles)
 
 
 def _codes(frame: FrameType | None) -> Iterator[CodeType]:

@@ -83,7 +83,9 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
         most = float(took.max())
         top = max(1.0, 1.1 * most)
         picture = _strip(recent[:, TIME], took, now, top, BLUE)
-        words = f"p50 {p50:.2f}, p99 {p99:.2f}, most {most:.2f} ms"
+        # of one line, however long a frame took
+        told_ms = [f"{t:.2f}" if t < 10.0 else f"{t:.0f}" for t in (p50, p99, most)]
+        words = "p50 {}, p99 {}, most {} ms".format(*told_ms)
         told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
     return f'<div style="{_FONT};padding:2px 14px">{"".join(told)}</div>'
 

@@ -1,8 +1,15 @@
 """Code that numba keeps is loaded ahead, for all types that it was compiled for."""
 
+import signal
+import threading
 from pathlib import Path
 
+import numba
+import pytest
+from numba.core.typeinfer import TypeInferer
+
 from odm.cell_map import _packed
+from roadmap.jit_options import LEAN
 from roadmap.kept_code import KeptTypes, load_kept
 
 
@@ -19,3 +26,43 @@ def test_what_is_kept_of_a_loop_is_loaded_without_a_call(small_map):
 
 def test_what_cannot_be_loaded_is_left_to_the_first_call():
     assert load_kept([Path]) == 0
+
+
+def compile_one(monkeypatch, presses):
+    """Compile a loop while Ctrl-C is pressed so often; return it, and what was done."""
+    whole, done = TypeInferer.propagate, []
+
+    def pressed(*given, **named):
+        for _ in range(presses):
+            signal.raise_signal(signal.SIGINT)
+        done.append(whole(*given, **named))
+
+    monkeypatch.setattr(TypeInferer, "propagate", pressed)
+    loop = numba.njit(**LEAN | {"cache": False})(lambda x: x + 1)
+    with pytest.raises(KeyboardInterrupt):
+        loop(1)
+    return loop, done
+
+
+def test_it_is_raised_when_the_loop_is_compiled_and_a_second_at_once(monkeypatch):
+    before = signal.getsignal(signal.SIGINT)
+    loop, done = compile_one(monkeypatch, 1)
+    assert len(done) == len(loop.signatures) == 1
+    assert not compile_one(monkeypatch, 2)[1]
+    assert signal.getsignal(signal.SIGINT) is before
+    monkeypatch.undo()
+    assert loop(1) == 2
+
+
+def test_another_thread_and_another_handler_are_left_alone():
+    loop, told = numba.njit(**LEAN | {"cache": False})(lambda x: x + 2), []
+    thread = threading.Thread(target=lambda: told.append(loop(1)))
+    thread.start()
+    thread.join()
+    before = signal.signal(signal.SIGINT, lambda *what: told.append(what[0]))
+    try:
+        loop(1.0)
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert told == [3, signal.SIGINT]

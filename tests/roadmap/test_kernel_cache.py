@@ -7,7 +7,8 @@ import pytest
 from numba import config
 from numba.core import caching
 
-from roadmap.kernel_cache import Sources, drop_stale_code, kept_in
+from roadmap.errors import PlanningError
+from roadmap.kernel_cache import Sources, check_kept, drop_stale_code, kept_in
 
 ROOT = Path(__file__).resolve().parents[2]
 KERNEL = (
@@ -123,6 +124,20 @@ def test_numba_looks_in_these_places(tree, tmp_path, monkeypatch):
         kind = getattr(caching, name, None) or getattr(caching, f"_{name}")
         found.append(kind(nothing, str(file)).get_cache_path())
     assert [str(place) for place in kept_in(file.parent)] == found
+
+
+def test_who_can_keep_compiled_loops_nowhere_is_told_what_to_do(
+    tree, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(os, "access", lambda path, mode: "open" in str(path))
+    with pytest.raises(PlanningError, match="set NUMBA_CACHE_DIR"):
+        check_kept(tree / "odm/inner")
+    (tmp_path / "open").mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "open" / "new"))
+    check_kept(tree / "odm/inner")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "open"))
+    check_kept(tree / "odm/inner")
 
 
 def nothing():

@@ -203,3 +203,19 @@ def test_a_loaded_map_survives_its_files(small_map, tmp_path):
     assert done.returncode == 0, done.stderr
     before, after = done.stdout.split()
     assert before == after != "0"
+
+
+@pytest.mark.parametrize(
+    "given, told",
+    [
+        ("map/manifest.json", "a file of a map; give the map, its folder"),
+        ("map/counts.npy", "a file of a map; give the map, its folder"),
+        (".", "holds no map itself but map; give one of these"),
+        ("note.txt", "is a file and holds no map"),
+        ("nowhere", "odm build RECIPE"),
+    ],
+)
+def test_what_lies_where_no_map_does_is_told(folder, given, told):
+    folder.with_name("note.txt").touch()
+    with pytest.raises(BadMap, match=told):
+        read_folder(folder.parent / given)

@@ -1,4 +1,4 @@
-"""The examples of docs/scene.md and docs/clouds.md run as they stand."""
+"""Examples of the docs run as they stand."""
 
 import re
 from pathlib import Path
@@ -33,6 +33,14 @@ def test_the_example_of_the_scene_runs(planner, tmp_path, monkeypatch):
     exec(example("scene.md"), known)
     assert known["answer"].status == "replanned"
     assert list(planner.scene) == ["post"]
+
+
+def test_the_example_of_two_robots_runs(planner):
+    planner.set_goals([AWAY])
+    robot, T = planner.robot, pose_of([0.0, 1.2, 0.0], np.zeros(3))
+    known = {"planner_a": planner, "robot_b": robot, "T_a_b": T}
+    exec(example("two_robots.md"), known | {"q_a": HOME, "q_b": AWAY})
+    assert planner.separation(HOME) < 2.0  # an empty room has no such distance
 
 
 def test_the_example_of_clouds_runs(planner, rng, capsys):

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from roadmap.errors import PlanningError
 from sim.cli import doctor_command
 from sim.cli.doctor_command import examine
 
@@ -51,3 +52,12 @@ def test_maps_and_a_cache_that_cannot_be_written_are_seen(monkeypatch, tmp_path)
     assert rows["maps"].found == "mine"
     cache = rows["cache of compiled loops"]
     assert cache.state == "missing" and "NUMBA_CACHE_DIR" in cache.remedy
+
+
+def test_it_tells_where_nothing_of_ours_can_be_imported(monkeypatch, tmp_path):
+    def refuse(*_):
+        raise PlanningError("set NUMBA_CACHE_DIR")
+
+    monkeypatch.setattr(doctor_command.Compiling, "missing", refuse)
+    row = by_name(examine(tmp_path))["compiled"]
+    assert row.state == "wrong" and "NUMBA_CACHE_DIR" in row.remedy

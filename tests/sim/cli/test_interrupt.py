@@ -61,6 +61,14 @@ from sim.bench.many import play_all
 with interrupt.interruptible():
     play_all(time.sleep, [0, 60, 0, 60], 2, lambda told: ready())
 """
+COMPILING_BESIDE = """
+from odm.processes import in_processes
+with interrupt.interruptible(), in_processes(1, time.sleep, [60]):
+    from numba.core.typeinfer import TypeInferer
+    TypeInferer.propagate = lambda *given, **named: (ready(), time.sleep(60))
+    import numba
+    numba.njit(lambda x: x + 1)(1)
+"""
 BEING_LOADED = """
 pathlib.Path("slow.py").write_text(
     "import os, signal, time\\n"
@@ -148,23 +156,45 @@ interrupt._current_frames = look
 with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     stay()
 """
-HANDING_OVER = """
-from llvmlite import binding
-library = binding.ffi.lib
-link = library.LLVMPY_LinkModules
-def linked(*modules):  # from here on one of them owns the other, and nobody knows yet
-    code = link(*modules)
+CUT = """
+def raised(*given, **named):
+    done = whole(*given, **named)
     try:
         os.kill(os.getpid(), signal.SIGINT)
     except KeyboardInterrupt:
         print("cut in two", flush=True)
         raise
-    return code
+    return done
 with interrupt.interruptible():
     import numba
-    library._fntab["LLVMPY_LinkModules"] = linked
+    from llvmlite import binding
+    from numba.core.typeinfer import TypeInferer
+    calls = binding.ffi.lib._fntab
+"""
+# from here on one module owns the other, and nobody knows yet
+HANDING_OVER = """
+    name = "LLVMPY_LinkModules"
+    whole = getattr(binding.ffi.lib, name)
+    calls[name] = raised
+"""
+FINDING_TYPES = """
+    whole = TypeInferer.propagate
+    TypeInferer.propagate = raised
+"""
+COMPILED = """
     numba.njit(lambda x: x + 1)(1)
     time.sleep(60)
+"""
+HURRIED = """
+with interrupt.interruptible(), interrupt.patience(20.0):
+    import numba
+    from numba.core.typeinfer import TypeInferer
+    def slow(*given, **named):
+        ready()
+        time.sleep(2.5)
+        print("all told", flush=True)
+    TypeInferer.propagate = slow
+    numba.njit(lambda x: x + 1)(1)
 """
 PATIENT = """
 with interrupt.interruptible(), interrupt.patience(20.0):
@@ -196,7 +226,9 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert "never" not in out
 
 
-@pytest.mark.parametrize("script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED])
+@pytest.mark.parametrize(
+    "script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED, COMPILING_BESIDE]
+)
 def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
     with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
@@ -265,8 +297,9 @@ def test_between_two_maps_there_is_always_one(tmp_path):
     assert [p.name for p in (tmp_path / "map").iterdir()] == ["new"]
 
 
-def test_memory_that_is_being_handed_over_is_not_freed_twice(tmp_path):
-    with started(["-c", HEAD + HANDING_OVER], tmp_path) as process:
+@pytest.mark.parametrize("where", [HANDING_OVER, FINDING_TYPES])
+def test_it_is_raised_when_the_loop_is_compiled(where, tmp_path):
+    with started(["-c", HEAD + CUT + where + COMPILED], tmp_path) as process:
         out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and err.count("interrupted") == 1, err
     assert not out
@@ -279,8 +312,9 @@ def test_what_was_found_so_far_may_still_be_told(tmp_path):
     assert code == 130 and seconds > 2.0 and "all told" in out
 
 
-def test_a_second_ctrl_c_does_not_wait(tmp_path):
-    with started(["-c", HEAD + PATIENT], tmp_path) as process:
+@pytest.mark.parametrize("script", [PATIENT, HURRIED])
+def test_a_second_ctrl_c_does_not_wait(script, tmp_path):
+    with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
         process.send_signal(signal.SIGINT)
         time.sleep(0.6)

@@ -86,6 +86,8 @@ def test_strips_tell_percentiles_and_the_nearest_of_the_last_seconds():
     assert "p50 1.00" in shown and "most 7.00 ms" in shown
     assert "Latency" not in cards.strips(table, 19.99, latency=False)
     assert "nobody" in cards.strips(rows([0.0], np.inf), 0.0)
+    table[-1, 2] = 0.4474  # more digits would break the line
+    assert "most 447 ms" in cards.strips(table, 19.99)
 
 
 def test_quality_colours_rise_in_lightness():
