@@ -98,9 +98,13 @@ class Retreat:
         q = check_numbers(frame.robot, q)
         check_kind("coming", coming, Sequence, "give [(seconds, shapes or points)]")
         for one in coming:
-            pair = isinstance(one, Sequence) and len(one) == 2
-            if not (pair and is_between(one[0], -_LONGEST_S, _LONGEST_S)):
+            if not (isinstance(one, Sequence) and len(one) == 2):
                 raise BadInput(f"coming holds {one!r}; give (seconds, obstacles)")
+            if not is_between(one[0], -_LONGEST_S, _LONGEST_S):
+                raise BadInput(
+                    f"{one[0]!r} in coming is no time, or a time that is not finite; "
+                    "give seconds from now"
+                )
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None

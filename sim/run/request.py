@@ -215,7 +215,7 @@ class RunRequest:
             return told
         if self.motion == "mocap":
             told = "leave it out; --stand says where a recorded one is"
-            if told := goes_with(self, ("distance",), "a scripted person", told):
+            if told := goes_with(self, ("between",), "a scripted person", told):
                 return told
         check_object(self.obj)
         if self.side not in (None, "left", "right"):

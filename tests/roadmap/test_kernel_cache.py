@@ -129,14 +129,14 @@ def test_numba_looks_in_these_places(tree, tmp_path, monkeypatch):
 def test_who_can_keep_compiled_loops_nowhere_is_told_what_to_do(
     tree, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(os, "access", lambda path, mode: "open" in str(path))
+    monkeypatch.setattr(os, "access", lambda path, mode: "writable" in str(path))
     with pytest.raises(PlanningError, match="set NUMBA_CACHE_DIR"):
         check_kept(tree / "odm/inner")
-    (tmp_path / "open").mkdir()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "open" / "new"))
+    (tmp_path / "writable").mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "writable" / "new"))
     check_kept(tree / "odm/inner")
     monkeypatch.delenv("NUMBA_CACHE_DIR")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "open"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "writable"))
     check_kept(tree / "odm/inner")
 
 

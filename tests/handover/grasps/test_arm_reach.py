@@ -38,7 +38,7 @@ def test_the_outcomes_of_the_paper(x, size, arms, told, monkeypatch):
 
 def in_order(reaches, point, monkeypatch, size=0.0):
     """Return what `arms_in_order` makes of arms that reach like this."""
-    monkeypatch.setattr(choose, "reach_of", lambda limb, solve: reaches[limb])
+    monkeypatch.setattr(choose, "reach_of", lambda limb: reaches[limb])
     mounts = {side: np.eye(4) for side in reaches}
     return choose.arms_in_order({s: s for s in reaches}, mounts, np.array(point), size)
 

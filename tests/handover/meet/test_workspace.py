@@ -25,6 +25,7 @@ from handover.meet import _meet_bounds as bounds
 from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.reach.robot_cells import robot_cells
 from roadmap.errors import BadInput
+from roadmap.jit_options import FULL
 from roadmap.transforms import pose_of
 
 position_bounds = with_wrapper(bounds.position_bounds)
@@ -141,7 +142,7 @@ def test_a_ranking_that_was_not_begun_or_is_not_over_is_refused(meet_of, rng):
             meet.ranked()
 
 
-@njit
+@njit(**FULL | {"cache": False})
 def values_of(person, hands, cells, n_grasps, room):
     """Return q_total of every candidate, (cells, grasps); below 0: not reached."""
     value = np.empty((cells.rotation.shape[0], n_grasps))

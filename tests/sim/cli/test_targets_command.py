@@ -107,7 +107,7 @@ def test_after_its_dwell_it_goes_back_and_comes_again(built):
 def test_a_recording_is_taken_with_the_hand_it_shows(built, tmp_path):
     joints = {n: p for n, p in person(120).items() if not n.startswith("left_elbow")}
     clip = write_csv(tmp_path / "clip.csv", joints)
-    asked = request(built, "mocap", file=clip, seconds=1.0)
+    asked = request(built, "mocap", file=clip, seconds=1.0, between=None)
     task = MeetTask(asked)
     assert task.person().sides == ("right",) and task.side == "right"
     assert run(asked)["run"]["frames"] == 50

@@ -24,6 +24,7 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
+from sim.story import grasping
 from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
 from sim.story.grasping import (
     Reach,
@@ -736,7 +737,9 @@ def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
         check_grasps(planner, *told)
 
 
-def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(maps):
+def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
+    maps, monkeypatch
+):
     cell_map, reach, index = maps
     setup = setup_of(cell_map, reach, place=False, pads=["flange"])
     planner = setup.planner()
@@ -756,8 +759,9 @@ def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(maps):
     assert near(setup.obj.held_by(T)) is not None
     again = held_farther_out(planner, setup.obj, index.nodes, spare)
     assert again.T_tool_object[2, 3] == setup.obj.T_tool_object[2, 3]
-    nearer, how = setup.obj.held_by(T), GraspingSettings(most_out=0.001)
-    assert held_farther_out(planner, nearer, index.nodes, spare, how) is nearer
+    nearer = setup.obj.held_by(T)
+    monkeypatch.setattr(grasping, "_GRASPING", GraspingSettings(most_out=0.001))
+    assert held_farther_out(planner, nearer, index.nodes, spare) is nearer
 
 
 def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
