@@ -562,13 +562,10 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
     """Return a group of the table by its name, which must be written out."""
     if not isinstance(name, types.StringLiteral):
         return None
-    kind, first = KINDS[name.literal_value], first_word(name.literal_value)
-    block = types.uint16 if table.dtype.signed else types.uint32
-    members = [_member(field, block) for field in declared(kind).values()]
-    result = types.BaseTuple.from_types(members, kind)
+    result = _type_of(name.literal_value, table)
 
     def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
-        place = _place(context, builder, signature.args[0], args[0], first, result)
+        place = _place(context, builder, name.literal_value, signature.args[0], args[0])
         if name.literal_value in SHOWN:
             return builder.load(place)
         return value_at(builder, place)
@@ -576,11 +573,19 @@ def view(typingctx, table, name):  # noqa: ANN001, ANN201
     return result(table, name), codegen
 
 
-def _place(context, builder, typ, table, first, result):  # noqa: ANN001, ANN202
-    """Return where in a table a value of a type begins: at its word `first`."""
+def _type_of(name: str, table: types.Array) -> types.BaseTuple:
+    """Return the numba type of a group in a table of this type."""
+    block = types.uint16 if table.dtype.signed else types.uint32
+    members = [_member(field, block) for field in declared(KINDS[name]).values()]
+    return types.BaseTuple.from_types(members, KINDS[name])
+
+
+def _place(context, builder, name, typ, table):  # noqa: ANN001, ANN202
+    """Return where in a table, of type `typ`, a group lies."""
     words = make_array(typ)(context, builder, table).data
-    place = builder.gep(words, [cgutils.intp_t(first)])
-    return builder.bitcast(place, context.get_value_type(result).as_pointer())
+    place = builder.gep(words, [cgutils.intp_t(first_word(name))])
+    kind = context.get_value_type(_type_of(name, typ))
+    return builder.bitcast(place, kind.as_pointer())
 
 
 @intrinsic
@@ -594,11 +599,7 @@ def show(typingctx, table, name, field, array):  # noqa: ANN001, ANN201
         return None
     if name.literal_value not in SHOWN:
         return None
-    kinds = [*declared(KINDS[name.literal_value]).values()]
-    before = [kind for kind in kinds[: field.literal_value]]
-    first = first_word(name.literal_value)
-    first += sum(5 + 2 * len(one.axes) for one in before)
-    if array != _member(kinds[field.literal_value], None):
+    if array != _type_of(name.literal_value, table)[field.literal_value]:
         return None
 
     def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
@@ -606,7 +607,8 @@ def show(typingctx, table, name, field, array):  # noqa: ANN001, ANN201
         given = make_array(kind)(context, builder, args[3])
         given.meminfo = cgutils.get_null_value(given.meminfo.type)  # not counted
         given.parent = cgutils.get_null_value(given.parent.type)
-        place = _place(context, builder, typ, args[0], first, kind)
+        group = _place(context, builder, name.literal_value, typ, args[0])
+        place = cgutils.gep_inbounds(builder, group, 0, field.literal_value)
         builder.store(given._getvalue(), place)
         return context.get_dummy_value()
 

@@ -70,11 +70,11 @@ def comfort_rods(
 class Berth:
     """Shows the planner a larger person, from whom a slow robot keeps more distance.
 
-    And larger what they hold out, which moves as they do. All that is free beside the
-    larger person is free beside the person. A part that is
-    nearer to the robot already grows only up to the robot: a path comes no nearer to it
-    than now, where there is a way. If none is found, the growth is halved, then halved
-    again, then nothing.
+    What they hold out is shown larger, too, since it moves as they do. All that is free
+    beside the larger person is free beside the person. A part that is nearer to the
+    robot already grows only up to the robot: a path comes no nearer to it than now,
+    where there is a way. If none is found, the growth is halved, then halved again,
+    then nothing.
 
     Args:
         executor: Of the robot; it knows how long its stops take.
