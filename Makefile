@@ -15,7 +15,8 @@ demo: $(VENV)/.sim
 test: $(VENV)/.test
 	$(BIN)/odm warmup
 	@# two processes whose BLAS has a thread for each core wait for each other, spinning
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	@# a process that ends early fails its test; pytest-xdist may wait for a new one forever
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --max-worker-restart 0
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

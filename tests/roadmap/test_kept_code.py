@@ -2,6 +2,7 @@
 
 import signal
 import threading
+from contextlib import contextmanager
 from pathlib import Path
 
 import numba
@@ -28,12 +29,27 @@ def test_what_cannot_be_loaded_is_left_to_the_first_call():
     assert load_kept([Path]) == 0
 
 
+@contextmanager
+def heard_by(handler):
+    """Have `handler` alone hear Ctrl-C, whoever does in this process.
+
+    A thread of `sim.terminal.interrupt` that wakes too late to see the handler would
+    take the signal for its own, and end the tests.
+    """
+    file = signal.set_wakeup_fd(-1)
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        signal.set_wakeup_fd(file)
+
+
 @pytest.fixture
 def plain_ctrl_c():
-    """Let Python hear Ctrl-C by itself, whoever does in this process."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
+    """Let Python hear Ctrl-C by itself."""
+    with heard_by(signal.default_int_handler):
+        yield
 
 
 def compile_one(monkeypatch, presses):
@@ -68,10 +84,7 @@ def test_another_thread_and_another_handler_are_left_alone():
     thread = threading.Thread(target=lambda: told.append(loop(1)))
     thread.start()
     thread.join()
-    before = signal.signal(signal.SIGINT, lambda *what: told.append(what[0]))
-    try:
+    with heard_by(lambda *what: told.append(what[0])):
         loop(1.0)
         signal.raise_signal(signal.SIGINT)
-    finally:
-        signal.signal(signal.SIGINT, before)
     assert told == [3, signal.SIGINT]
