@@ -26,7 +26,7 @@ from odm.close_test._slack import (
 )
 from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation, nearest_share
-from odm.search._state import view
+from odm.search._state import PIECES, view
 from roadmap.jit_options import INNER
 from roadmap.kinematics._forward import body_frames
 
@@ -35,7 +35,6 @@ SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part o
 RESERVE = LEAST
 UNKNOWN = -1.0  # instead of what a chord has to spare
 SAG = 2e-3  # [m] of a chord at most, if there are chords enough
-PIECES = 8  # of a motion, which are looked at as a whole first
 
 
 @njit(**INNER)
@@ -128,11 +127,13 @@ def keep_motion(state, q, dq):
             slacks.bound[k, WIDE, b] = -1.0
         bend = max(bend, work.body_bend[b])
     n = 1
-    while n < slacks.spare.shape[1] and bend > 8.0 * SAG * n * n:
+    while n < slacks.nearest.shape[1] and bend > 8.0 * SAG * n * n:
         n *= 2
     slacks.chords[k] = n
     for c in range(n):
         slacks.spare[k, c], slacks.nearest[k, c] = UNKNOWN, -1
+    for c in range(slacks.nearest.shape[1], slacks.spare.shape[1]):
+        slacks.spare[k, c] = UNKNOWN
     for c in range(n + 1):
         slacks.placed[row_of(slacks, k, c)] = False
     return k
@@ -141,7 +142,7 @@ def keep_motion(state, q, dq):
 @njit(**INNER)
 def row_of(slacks, k, c):
     """Return the row of the configuration that chord c of motion k begins with."""
-    return k * (slacks.spare.shape[1] + 1) + c
+    return k * (slacks.nearest.shape[1] + 1) + c
 
 
 @njit(**INNER)
@@ -191,17 +192,17 @@ def snapshot(state):
 
 
 @njit(**INNER)
-def chord_holds(state, k, c):
-    """Return True if what chord c of motion k had to spare keeps it free now."""
+def left_now(state, k, c):
+    """Return what is left of what chord c of motion k had to spare [m]; or UNKNOWN."""
     slacks, now = view(state, "slacks"), view(state, "numbers").frame[0]
     s = slacks.at[k, c]
     if slacks.spare[k, c] <= RESERVE or slacks.frame[s] != slacks.since[k, c]:
-        return False
+        return UNKNOWN
     if slacks.moved_in[s] != now:
         rows, kinds, count = slacks.rows[s], slacks.kind[s], slacks.count[s]
         slacks.moved[s] = displaced(rows, kinds, count, view(state, "solids"))
         slacks.moved_in[s] = now
-    return slacks.moved[s] + SAME + RESERVE <= slacks.spare[k, c]
+    return slacks.spare[k, c] - slacks.moved[s]
 
 
 @njit(**INNER)
@@ -243,9 +244,21 @@ def rest_clear(state, cloud, k, q, dq):
     n = slacks.chords[k]
     share = nearest_share(slacks.begin[k], slacks.end[k], q)
     c = min(n - 1, int(share * n))
+    size, pieces = n // PIECES, slacks.nearest.shape[1]
     first = c  # of chords in a row that may not be free
+    least = UNKNOWN  # what all chords of a piece have to spare, up to here
     while c < n:
-        more = 1 if chord_holds(state, k, c) else measure(state, k, c)
+        whole = size >= 2 and c % size == 0
+        if whole and left_now(state, k, pieces + c // size) >= RESERVE + SAME:
+            more = size
+        else:
+            left = left_now(state, k, c)
+            more = 1 if left >= RESERVE + SAME else measure(state, k, c)
+            if size >= 2:
+                left = left if left >= RESERVE + SAME else slacks.spare[k, c]
+                least = left if whole else min(least, left)
+                if least >= RESERVE + SAME and (c + more) % size == 0:
+                    keep_spare(state, k, pieces + c // size, least)
         if more > 0 and first < c:
             if not chords_clear(state, cloud, k, (first, c, share), q, dq):
                 return False

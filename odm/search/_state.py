@@ -35,6 +35,7 @@ EDITED, BETTER_PATH, PRESENT_ONLY_PATH = 1, 2, 3
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment
 # macOS counts what `perf_counter` does by a clock of its own
 _CLOCK = getattr(time, "CLOCK_UPTIME_RAW", time.CLOCK_MONOTONIC)
+PIECES = 8  # of a motion, which are looked at as a whole first
 LOST = -100  # number of a frame that is long over
 
 
@@ -389,10 +390,11 @@ class Slacks(NamedTuple):
     asked: np.ndarray = array("i8", "slacks", GOAL)  # frame that last asked for it
     # of each body: SPEED, BEND [m] and WIDE [m]
     bound: np.ndarray = array("f8", "slacks 3 bodies", GOAL)
-    # of a chord: what it had to spare [m], in which frame, and the place of its shapes
-    spare: np.ndarray = array("f8", "slacks chords", GOAL)
-    since: np.ndarray = array("i8", "slacks chords", GOAL)
-    at: np.ndarray = array("i8", "slacks chords", GOAL)
+    # of a chord, and after all chords of the pieces that they make up: what it had to
+    # spare [m], in which frame, and the place of its shapes
+    spare: np.ndarray = array("f8", "slacks spares", GOAL)
+    since: np.ndarray = array("i8", "slacks spares", GOAL)
+    at: np.ndarray = array("i8", "slacks spares", GOAL)
     nearest: np.ndarray = array("i8", "slacks chords", GOAL)  # sphere, or -1
     # of a motion's configurations between chords: frames of the bodies, if known
     frames: np.ndarray = array("f8", "places bodies 12", FRAME)

@@ -14,6 +14,7 @@ from odm.search._items import sign_items
 from odm.search._state import (
     KINDS,
     LOST,
+    PIECES,
     SHOWN,
     Certificates,
     Direct,
@@ -127,6 +128,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     sizes = {**_SIZES, "n": n, "m": m, "dof": dof, "spheres": len(arm.spheres)}
     sizes["bodies"] = len(robot.tree_i)
     sizes["places"] = sizes["slacks"] * (sizes["chords"] + 1)
+    sizes["spares"] = sizes["chords"] + PIECES
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)
     sizes["blocks"] = cells.n_blocks
     graph, direct = graph_on(roadmap, cells, regions(cell_map))
