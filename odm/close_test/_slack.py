@@ -62,7 +62,7 @@ def piece_spare(arm, frames, bound, half, solids):
 
 
 @njit(**INNER)
-def chord_spare(arm, lengths, frames, bound, dt, solids, first):
+def chord_spare(arm, lengths, ends, bound, dt, solids, first):
     """Return what all spheres have to spare from all shapes along a part of a motion.
 
     A bound from below, exact to the sag; where it is below LEAST, any such number. And
@@ -71,30 +71,30 @@ def chord_spare(arm, lengths, frames, bound, dt, solids, first):
     Args:
         arm: The robot.
         lengths: (n,) what the spheres keep from shapes [m], and (n,) scratch.
-        frames: (2, bodies, 12) of the configurations at both ends.
+        ends: (bodies, 12) frames of the configuration at either end.
         bound: As of `piece_spare`.
         dt: The part's share of the motion.
         solids: The shapes.
         first: The sphere that had the least before, or -1: it is measured first, so
             that farther bodies are told by their balls.
     """
-    bare, gap = lengths
+    (bare, gap), (begin, end) = lengths, ends
     spare, least = FAR, -1
     if first >= 0:
         b = arm.body[first]
         sag = bound[BEND, b] * dt * dt / 8.0
-        a = place_of(frames[0, b], arm.spheres[first])
-        c = place_of(frames[1, b], arm.spheres[first])
+        a = place_of(begin[b], arm.spheres[first])
+        c = place_of(end[b], arm.spheres[first])
         least = first
         for k in range(solids.count[0]):
             d = line_distance(solids, k, a, c, bare[first] + sag)
             spare = d if not d >= spare else spare
         if not spare >= LEAST:
             return spare, least
-    for b in range(1, frames.shape[1]):
+    for b in range(1, begin.shape[0]):
         if bound[WIDE, b] < 0.0:
             continue
-        f, g, ball = frames[0, b], frames[1, b], arm.bound[b]
+        f, g, ball = begin[b], end[b], arm.bound[b]
         sag = bound[BEND, b] * dt * dt / 8.0
         ax, ay, az = place_of(f, ball)
         cx, cy, cz = place_of(g, ball)

@@ -224,13 +224,22 @@ def measure(state, k, c):
                 slacks.nearest[k, i] = -1
                 keep_spare(state, k, i, spare)
             return size
-    row, _ = placed(state, k, c), placed(state, k, c + 1)
-    frames, first = slacks.frames[row : row + 2], slacks.nearest[k, c]
     lengths = view(state, "robot_state").bare, view(state, "work").gap
-    spare, least = chord_spare(arm, lengths, frames, bound, 1.0 / n, solids, first)
-    slacks.nearest[k, c] = least
-    keep_spare(state, k, c, spare)
-    return 1 if spare >= RESERVE + SAME else 0
+    size, first = 1, slacks.nearest[k, c]
+    if c % 2 == 0 and c + 2 <= n and known >= 1.5 * NEAR:
+        size = 4 if c % 4 == 0 and c + 4 <= n and known >= 3.0 * NEAR else 2
+    while True:
+        at, to = placed(state, k, c), placed(state, k, c + size)
+        ends = slacks.frames[at], slacks.frames[to]
+        dt = size / n
+        spare, least = chord_spare(arm, lengths, ends, bound, dt, solids, first)
+        if size == 1 or spare >= NEAR:
+            break
+        size //= 2
+    for i in range(c, c + size):
+        slacks.nearest[k, i] = least
+        keep_spare(state, k, i, spare)
+    return size if spare >= RESERVE + SAME else 0
 
 
 @njit(**INNER)
