@@ -74,6 +74,7 @@ _LOADED = (  # nor how its meshes are sampled
     "the base or the clearance is another; show a frame"
 )
 _AS_THE_MAP = None, None  # how points are sampled where nothing is told
+_NOTHING_AGAIN = object()  # no obstacles at all
 
 
 def _too_many(n: int) -> str:
@@ -110,6 +111,8 @@ class Frame:
             which only mark cells.
         obstacles: The shapes of the last frame; None where it had points alone.
         classes: (n,) of these points, or None.
+        again: The obstacles that `take_again` may take: the table points at their
+            arrays, and nothing was told beside them.
         keep_from_points, keep_from_shapes: What is nearer to a sphere is too near [m].
         trouble: Why the last frame could not be used; None where it could.
     """
@@ -133,6 +136,7 @@ class Frame:
         self.q = self.memory.robot_state.q
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self.keep_from_points = self.keep_from_shapes = 0.0
+        self.again: object = _NOTHING_AGAIN
         self.set_sampling(_AS_THE_MAP)
         self.base_world = np.eye(4)
         grid = cell_map.grid
@@ -151,9 +155,6 @@ class Frame:
         self._copies_q, self._dof = False, cell_map.robot.dof
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
-        # whose arrays the table points at, and where they put their points
-        self._lent: Obstacles | None = None
-        self._room: np.ndarray | None = None
         # shapes and classes that were checked and not taken yet; None: as before
         self._told: tuple[Obstacles | None, np.ndarray | None] | None = None
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -265,6 +266,7 @@ class Frame:
         """
         if rounding is not None:
             check_number("rounding in m", rounding, 0.0, np.inf)
+        self.again = _NOTHING_AGAIN
         if self._told is not None:
             obstacles, classes = self._told
             if obstacles is not None and obstacles is not self._known:
@@ -286,23 +288,16 @@ class Frame:
     def take_again(self, obstacles: Obstacles, q: np.ndarray) -> int | None:
         """Take and answer a frame that comes by the same arrays as the last one.
 
-        Nothing but these may be told with it. It is checked and laid out already, which
+        They are those of `again`; nothing but these may be told with it. It is checked and laid out already, which
         is most of what Python does for a frame.
 
         Returns:
             As `take`; None where it is another frame than the last, and was not taken.
         """
         points = obstacles.points
-        if (
-            obstacles is not self._lent
-            or self.points.base is not self._room
-            or points is not self._taken
-            or len(points) != self.n_given
-            or obstacles.classes is not None
-            or self.classes is not None
-            or self.sampled is not _AS_THE_MAP
-            or self.watch.seen_inside is not None
-        ):
+        if points is not self._taken or len(points) != self.n_given:
+            return None
+        if obstacles.classes is not None:
             return None
         if q is not self._asked or self._copies_q or len(q) != self._dof:
             self.asked(q)
@@ -327,14 +322,15 @@ class Frame:
         table, data, counts = memory.table, obstacles.data, obstacles.counts
         if q is not None and now_seen.base is room:
             n_before = len(now_seen)
-            self._lent, self._room = obstacles, room
             said = step.step_shapes(table, points, data, counts, room, n_before, q)
             if said != step.NOT_ASKED:
                 self.trouble = None
+                plain = self.sampled is _AS_THE_MAP and self.classes is None
+                if plain and self.watch.seen_inside is None:
+                    self.again = obstacles
                 return said
             n = memory.numbers.taken.item()
         else:
-            self._lent = None
             n = kernels.begin_shapes(table, points, data, counts, room)
         self._take_rest(n, points, stamp, now)
         return step.NOT_ASKED
@@ -343,7 +339,7 @@ class Frame:
         self, n: int, points: np.ndarray, stamp: float | None, now: float | None
     ) -> None:
         """Judge what `begin_shapes` took, which returned `n`."""
-        trouble, now_seen = None, self.points
+        trouble, now_seen, self.again = None, self.points, _NOTHING_AGAIN
         if n != len(now_seen) or now_seen.base is not self._buffers[self._buffer]:
             trouble = self._take_others(n, points)
         if trouble is None:
@@ -411,7 +407,6 @@ class Frame:
 
     def _know(self, obstacles: Obstacles) -> None:
         """Lay out what never changes about obstacles: room, and their meshes."""
-        self._lent = None
         # what has no meshes needs rows alone
         if obstacles.meshes or len(obstacles) > len(self.memory.solids.kind):
             self._fit_shapes(obstacles)
@@ -465,7 +460,7 @@ class Frame:
             if n > len(room):
                 room = self._buffers[self._buffer] = np.empty((2 * n, 3))
             view = self._views[self._buffer] = room[:n]
-        self.points = view
+        self.points, self.again = view, _NOTHING_AGAIN
         return view
 
     def sort(self) -> None:
@@ -562,9 +557,11 @@ class Frame:
 
     def set_sampling(self, sampled: tuple[float | None, float | None]) -> None:
         """Let the close test's radii follow how the points were `sampled`."""
-        self.sampled = sampled
+        self.sampled, self.again = sampled, _NOTHING_AGAIN
         m = self.cell_map.safety.m + self.extra
-        balls = self.memory.arm.spheres[:, 3] + m
+        radii = self.memory.arm.spheres[:, 3]
+        self.memory.terms.widest[0] = radii.max()
+        balls = radii + m
         needed = [self.covering(ball) for ball in balls]
         self.radii[:] = balls + needed
         if not (self.bare == balls).all():
@@ -574,7 +571,7 @@ class Frame:
         # what cells of a payload were made for may have smaller balls than all these
         patterns, layer = self.memory.patterns, self.cell_map.payload
         patterns.rho[0] = self.rho
-        least = self.memory.arm.spheres[:, 3].min() if layer is None else 0.0
+        least = radii.min() if layer is None else 0.0
         patterns.ball_least[0] = least + self.cell_map.safety.m
 
     @property

@@ -145,9 +145,9 @@ class ReactivePlanner:
         self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
-        # what `respond` said last, and the rows and the goal that this stands for
+        # what `respond` said last; the rows, the goal and the stage that it stands for
         self._said, self._ahead, self._goal = None, path.q[:0], -1
-        self._code = codes.NOT_ASKED
+        self._stage = IN_USE
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
         if s.extra_clearance:
@@ -445,7 +445,7 @@ class ReactivePlanner:
         begun, frame = perf_counter_ns(), self.frame
         said = None
         if (
-            points is frame.obstacles is not None
+            points is frame.again
             and dq is labels is stamp is now is None
             and covering_radius is rounding is classes is None
             and get_ident() == self._memory.owner.thread
@@ -477,13 +477,10 @@ class ReactivePlanner:
         """Answer with the rest of the path in use, which was found free."""
         if said != self._said:  # mostly it is what the frame before said
             self._unpack(said)
-        corners, path = self._ahead.copy(), self.path
-        if self._code == _FOLLOWING:
-            status, stage = FOLLOWING, IN_USE
-        else:
-            status = FOLLOWING if path.followed and path.is_same else REPLANNED
-            stage = stage_of(self._code, corners)
-        path.followed = True
+        path, stage = self.path, self._stage
+        goes_on = stage is IN_USE or (path.followed and path.is_same)
+        path.followed, corners = True, self._ahead.copy()
+        status = FOLLOWING if goes_on else REPLANNED
         return self._answer(status, corners, self._goal, begun, closed, stage)
 
     def see(
@@ -527,7 +524,7 @@ class ReactivePlanner:
         """Take apart what `respond` said: a code, the corners ahead, and the goal."""
         begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
         self._said, self._ahead = said, self._memory.ahead.q[: end - begin]
-        self._code = said % _SEGMENT
+        self._stage = stage_of(said % _SEGMENT, self._ahead)
         self._goal = said // _GOAL - 1
 
     def _beyond(

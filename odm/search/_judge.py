@@ -328,16 +328,14 @@ def is_swallowed(state, q):
     thinner shapes need not be looked at.
     """
     solids, arm, work = view(state, "solids"), view(state, "arm"), view(state, "work")
-    if solids.count[0] == 0:
-        return False
     thickest, widest = 0.0, 0
     for k in range(solids.count[0]):
         thickest = max(thickest, inner_radius(solids, k))
+    if thickest <= view(state, "terms").widest[0]:
+        return False
     for i in range(arm.spheres.shape[0]):
         if arm.spheres[i, 3] > arm.spheres[widest, 3]:
             widest = i
-    if thickest <= arm.spheres[widest, 3]:
-        return False
     body_frames(arm.tree_i, arm.tree_f, q, work.frames[0])
     x, y, z = place_of(work.frames[0, arm.body[widest]], arm.spheres[widest])
     for k in range(solids.count[0]):

@@ -379,6 +379,7 @@ class Terms(NamedTuple):
     tolerance: np.ndarray = array("f8")  # mu / 2: inflation of a piece of a motion
     path_tolerance: np.ndarray = array("f8")  # share of tracking and blending
     extra: np.ndarray = array("f8")  # clearance beyond the map's
+    widest: np.ndarray = array("f8")  # radius of the robot's largest sphere
 
 
 class Slacks(NamedTuple):
