@@ -288,8 +288,8 @@ class Frame:
     def take_again(self, obstacles: Obstacles, q: np.ndarray) -> int | None:
         """Take and answer a frame that comes by the same arrays as the last one.
 
-        They are those of `again`; nothing but these may be told with it. It is checked and laid out already, which
-        is most of what Python does for a frame.
+        They are those of `again`; nothing but these may be told with it. It is checked
+        and laid out already, which is most of what Python does for a frame.
 
         Returns:
             As `take`; None where it is another frame than the last, and was not taken.
