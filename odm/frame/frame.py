@@ -305,8 +305,10 @@ class Frame:
         if said != step.NOT_ASKED:
             self.trouble = None
             return said
+        room = self.points.base
         n = self.memory.numbers.taken.item()
         self._take_rest(n, self._points_view, None, None)
+        self._keep_lent(room)
         return said
 
     def _take_shapes(
@@ -320,26 +322,33 @@ class Frame:
         obstacles, memory = self.obstacles, self.memory
         room, now_seen = self._buffers[self._buffer], self.points
         table, data, counts = memory.table, obstacles.data, obstacles.counts
-        if q is not None and now_seen.base is room:
-            n_before = len(now_seen)
-            said = step.step_shapes(table, points, data, counts, room, n_before, q)
-            if said != step.NOT_ASKED:
-                self.trouble = None
-                plain = self.sampled is _AS_THE_MAP and self.classes is None
-                if plain and self.watch.seen_inside is None:
-                    self.again = obstacles
-                return said
-            n = memory.numbers.taken.item()
-        else:
+        if q is None or now_seen.base is not room:
             n = kernels.begin_shapes(table, points, data, counts, room)
-        self._take_rest(n, points, stamp, now)
-        return step.NOT_ASKED
+            self._take_rest(n, points, stamp, now)
+            return step.NOT_ASKED
+        n_before = len(now_seen)
+        said = step.step_shapes(table, points, data, counts, room, n_before, q)
+        if said != step.NOT_ASKED:
+            self.trouble = None
+        else:
+            self._take_rest(memory.numbers.taken.item(), points, stamp, now)
+        self._keep_lent(room)
+        return said
+
+    def _keep_lent(self, room: np.ndarray) -> None:
+        """Let the obstacles come again whose arrays, and `room`, the table points at.
+
+        Not where something was told beside them.
+        """
+        plain = self.sampled is _AS_THE_MAP and self.classes is None
+        if plain and self.points.base is room:
+            self.again = self.obstacles
 
     def _take_rest(
         self, n: int, points: np.ndarray, stamp: float | None, now: float | None
     ) -> None:
         """Judge what `begin_shapes` took, which returned `n`."""
-        trouble, now_seen, self.again = None, self.points, _NOTHING_AGAIN
+        trouble, now_seen = None, self.points
         if n != len(now_seen) or now_seen.base is not self._buffers[self._buffer]:
             trouble = self._take_others(n, points)
         if trouble is None:
@@ -557,7 +566,7 @@ class Frame:
 
     def set_sampling(self, sampled: tuple[float | None, float | None]) -> None:
         """Let the close test's radii follow how the points were `sampled`."""
-        self.sampled, self.again = sampled, _NOTHING_AGAIN
+        self.sampled = sampled
         m = self.cell_map.safety.m + self.extra
         radii = self.memory.arm.spheres[:, 3]
         self.memory.terms.widest[0] = radii.max()

@@ -200,3 +200,21 @@ def test_samples_lie_in_the_frames_array_after_a_base_brought_shapes_near(small_
     once.set_base(low)
     once.step(odm.Obstacles(capsules=[spot + down, wall - down]), q=HOME)
     assert planner.points.tobytes() == once.points.tobytes() != b""
+
+
+def test_samples_lie_in_the_frames_array_after_more_room_was_made(small_map):
+    spot = np.array([0.75, 0.75, 0.1, 0.75, 0.75, 0.11, 0.02])  # few samples
+    wall = np.array([0.6, 0.3, 0.4, 0.9, 0.3, 0.4, 0.05])
+    settings = odm.PlannerSettings(point_capacity=20)
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    planner.set_goals([AWAY])
+    held = odm.Obstacles(capsules=[spot] * 2)
+    planner.step(held, q=HOME)
+    room = planner.points.base
+    for rod in (spot, wall, spot, spot):
+        held.capsules[:] = rod
+        planner.step(held, q=HOME)
+        once = odm.ReactivePlanner(small_map)
+        once.step(held, q=HOME)
+        assert planner.points.tobytes() == once.points.tobytes() != b""
+    assert planner.points.base is not room

@@ -19,7 +19,7 @@ import odm
 from odm.close_test._slack import displaced, in_fours, line_distance, lines_from_rod
 from odm.search import _judge as judge
 from odm.search._measured import RESERVE, SAG
-from odm.search._state import NO_ITEM
+from odm.search._state import NO_ITEM, PIECES
 from roadmap.kinematics.forward import tool_pose
 
 part_free = with_wrapper(judge.part_free)
@@ -169,6 +169,36 @@ def test_no_chord_has_more_to_spare_than_its_spheres(small_map, planner, rng):
             whole += nearest[c] < 0
             checked += 1
     assert tight > 3 and whole > 20
+
+
+def test_what_was_measured_or_put_together_again_has_no_more_to_spare(
+    small_map, planner, rng
+):
+    """Shapes drift: chords are measured anew, two at once, and pieces renewed."""
+    m, pairs, pieces = small_map.safety.m, 0, 0
+    slacks, frame = planner.memory.slacks, planner.memory.numbers.frame
+    while pairs < 20 or pieces < 40:
+        shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+        q = draw_valid(planner, rng)
+        dq = planner.frame.difference(q, draw_valid(planner, rng))
+        for _ in range(6):
+            n = len(asked(planner, shapes, q, dq)[0])
+            k, most = int(slacks.asked.argmax()), slacks.nearest.shape[1]
+            spare, now = slacks.spare[k], slacks.since[k] == frame[0]
+            told = np.flatnonzero(now & (spare > RESERVE))
+            parts = [(c, c, 1) for c in told if c < n and slacks.nearest[k, c] >= 0]
+            parts += [
+                (c, (c - most) * (n // PIECES), n // PIECES)
+                for c in told
+                if c >= most and n >= 2 * PIECES
+            ]
+            for at, first, size in [parts[i] for i in rng.permutation(len(parts))[:3]]:
+                begin, part = q + first / n * dq, size / n * dq
+                gap = smallest_solid_gap(small_map, begin, part, shapes, 9) - m
+                assert spare[at] <= gap + 1e-9
+                pieces += size > 1
+                pairs += size == 1 and first + 1 < n and spare[at] == spare[first + 1]
+            shapes = [moved(shape, rng, 0.02) for shape in shapes]
 
 
 def outermost(small_map, q, dq, t):
