@@ -16,7 +16,13 @@ from small import AWAY, HOME, draw_valid
 from wrappers import with_wrapper
 
 import odm
-from odm.close_test._slack import displaced, in_fours, line_distance, lines_from_rod
+from odm.close_test._slack import (
+    NEAR,
+    displaced,
+    in_fours,
+    line_distance,
+    lines_from_rod,
+)
 from odm.search import _judge as judge
 from odm.search._measured import RESERVE, SAG
 from odm.search._state import NO_ITEM, PIECES
@@ -144,6 +150,19 @@ def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
     assert spared > 60 and blocked > 30 and checked == 25
 
 
+def test_a_motion_that_takes_the_place_of_another_begins_with_nothing(planner, rng):
+    shapes = [draw_shape(str(rng.choice(MOVING)), rng) for _ in range(2)]
+    q, told = draw_valid(planner, rng), 0
+    planner.step(odm.Obstacles.of(shapes), q=q)
+    table, rows = planner.memory.table, len(planner.memory.slacks.chords)
+    for _ in range(4 * rows):
+        dq = planner.frame.difference(q, draw_valid(planner, rng))
+        free = part_free(table, NO_ITEM, q, dq)
+        assert free == judge.close_free(table, q, dq)
+        told, q = told + free, q if rng.random() < 0.5 else draw_valid(planner, rng)
+    assert rows < told < 3 * rows
+
+
 def asked(planner, shapes, q, dq):
     """Return what the chords of a motion have to spare from shapes [m], and nearest."""
     planner.step(odm.Obstacles.of(shapes), q=q)
@@ -232,7 +251,8 @@ def test_the_sag_and_the_speed_come_off(small_map, planner, rng):
         q[0] = -1.25
         for t, way, far in ((0.5 + 1.0 / 64.0, 0, 0.006), (1.0, 1, 0.05)):
             place, radius, ways = outermost(small_map, q, dq, t)
-            shapes = [ball_at(place + (radius + m + 0.02 + far) * ways[way])]
+            away = (radius + m + 0.02 + far) * ways[way]
+            shapes = [ball_at(place + away)]
             spare, nearest = asked(planner, shapes, q, dq)
             free = np.flatnonzero(spare > RESERVE)
             for c in free[np.argsort(spare[free])[:4]]:
@@ -242,6 +262,24 @@ def test_the_sag_and_the_speed_come_off(small_map, planner, rng):
                 by_sphere += nearest[c] >= 0
                 by_body += nearest[c] < 0
     assert by_sphere > 8 and by_body > 4
+
+
+def test_the_sag_of_two_chords_measured_as_one_comes_off(small_map, planner, rng):
+    """A ball outside the bend that was far, and is now a little farther than NEAR."""
+    m, pairs = small_map.safety.m, 0
+    for _ in range(12):
+        q, dq = draw_valid(planner, rng), np.array([2.5, 0.0, 0.0])
+        q[0] = -1.25
+        place, radius, ways = outermost(small_map, q, dq, 0.5)
+        for far in (0.2, NEAR + 0.008):
+            shapes = [ball_at(place + (radius + m + 0.02 + far) * ways[0])]
+            spare, nearest = asked(planner, shapes, q, dq)
+        for c in np.flatnonzero((nearest >= 0) & (spare >= NEAR)):
+            begin, part = q + c / len(spare) * dq, dq / len(spare)
+            gap = smallest_solid_gap(small_map, begin, part, shapes, 9) - m
+            assert spare[c] <= gap + 1e-9
+            pairs += spare[c] == spare[c ^ 1]
+    assert pairs > 8
 
 
 def test_a_place_is_free_as_a_motion_that_does_not_move(planner, rng):
