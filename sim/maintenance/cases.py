@@ -28,7 +28,7 @@ from sim.story.cases import (
     upright,
 )
 from sim.story.cases import story_wrench as whole_wrench
-from sim.story.grasping import box_of, held_farther_out
+from sim.story.hand import box_of, held_farther_out
 from sim.story.request import ARMAR3, PANDA
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm

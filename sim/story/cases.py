@@ -29,15 +29,8 @@ from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
-from sim.story.grasping import (
-    Reach,
-    Reaches,
-    box_of,
-    held_farther_out,
-    is_valid,
-    quarter_turns,
-    straight_back,
-)
+from sim.story.grasping import Reach, Reaches, straight_back
+from sim.story.hand import box_of, held_farther_out, is_valid, quarter_turns
 from sim.story.settings import AT_PLACE, PARTNER, StorySettings
 
 NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand

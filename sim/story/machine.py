@@ -7,6 +7,7 @@ and takes the first row of its state whose signal does.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from roadmap.errors import BadInput
 
@@ -160,6 +161,13 @@ RECEIVE = (
 TABLES: Mapping[str, tuple[Row, ...]] = {"give": GIVE, "receive": RECEIVE}
 
 
+class Step(NamedTuple):
+    """One thing to do in a state: "goal", "line", "grip", "take", "let" and others."""
+
+    kind: str
+    value: object = None
+
+
 @dataclass(frozen=True)
 class StoryEvent:
     """What happened.
@@ -206,6 +214,20 @@ class Machine:
     def ended(self) -> bool:
         """Whether nothing follows."""
         return self.state in ENDS
+
+    def outcome(self, passed: str) -> str:
+        """Return what came of it: "handed over", or what went wrong.
+
+        `passed` is the signal with which the object changed hands. Empty before the
+        end.
+        """
+        if not self.ended:
+            return ""
+        if any(e.signal == passed and not e.failure for e in self.events):
+            late = [e for e in self.events if e.signal == "lost"]
+            return "handed over" if not late else late[-1].reason
+        failures = [e.reason for e in self.events if e.failure]
+        return failures[-1] if failures else self.reason
 
     def step(self, signals: Collection[str], now: float) -> Row | None:
         """Take the first row that begins here and whose signal holds; return it."""

@@ -77,6 +77,18 @@ class PullDetector:
         """Whether it has lasted."""
         return self.lasted >= self.settings.hold_s - 1e-9
 
+    @property
+    def why_weak(self) -> str:
+        """What to do about a pull that does not count; empty: there is none."""
+        if not self.weak:
+            return ""
+        return (
+            f"somebody pulls with {self.weak:.1f} N, less than the "
+            f"{self.counts_from:.1f} N that count now: pull harder, or give a smaller "
+            "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
+            "tare the sensor, or tell what the object weighs (mass_kg)"
+        )
+
     def forget(self) -> None:
         """Take the next force for that at rest: the hand holds something else now."""
         self._recent.clear()
