@@ -121,7 +121,6 @@ class Handover:
     def _lay_out(self, T_places: np.ndarray) -> None:
         """Make what is remembered between frames."""
         s, conduct, planner, hand = self.settings, self.conduct, self.planner, self.hand
-        self._side = self.targets.meet.settings.side
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(planner.robot, s.speed) if s.slow else None
@@ -132,7 +131,7 @@ class Handover:
             hand.grasps = with_room(planner, hand.carried, hand.grasps)
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(planner, hand.grasps, capsules, index.nodes)
-        self.sight = Sight(s, conduct, hand, self._side)
+        self.sight = Sight(s, conduct, hand, self.targets.meet.settings.side)
         how = s, conduct, self._allowance
         told = self.view, hand, index, self._rest
         self.placing = Placing(*told, *how, T_places, self._why_it_stands)

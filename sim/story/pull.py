@@ -136,8 +136,7 @@ class PullDetector:
         off = mean - self._rest
         pull, added = off[:3], math.hypot(*off[3:].tolist())
         if taken is not None and taken.any():
-            hangs = float(pull @ taken) / float(taken @ taken)
-            pull = pull - min(1.0, max(0.0, hangs)) * taken
+            pull = _without(taken, pull)
         self.force = math.hypot(*pull.tolist())
         others = math.inf  # what the object does not account for
         if own is not None:
@@ -177,6 +176,12 @@ class PullDetector:
         self._weak_s += dt
         if self._weak_s >= self.settings.hold_s - 1e-9:
             self.weak, self.counts_from = force, counts_from
+
+
+def _without(weight: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return a force (3,) less as much of a weight (3,) as is in it [N]."""
+    hangs = float(force @ weight) / float(weight @ weight)
+    return force - min(1.0, max(0.0, hangs)) * weight
 
 
 def carried_force(
