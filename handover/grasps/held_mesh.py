@@ -231,8 +231,8 @@ def _spec_of(
     closed = {d: ends[d][closes] for d in drives}
     opened = {d: ends[d][1 - closes] for d in drives}
     others = {d: 0.5 * sum(e) for d, e in ends.items() if d not in drives}
-    told = name, urdf, root, tip, tuple(fingers), closed, ({**others, **opened},)
-    return HandSpec(*told, T_tool_palm)
+    args = name, urdf, root, tip, tuple(fingers), closed, ({**others, **opened},)
+    return HandSpec(*args, T_tool_palm)
 
 
 def _carrier_of(description: Description, links: Sequence[str]) -> str:

@@ -120,8 +120,8 @@ class MeetSetup:
         human = person.human(0.0)
         live = self.live(human, side)
         loop = MeetLoop(live, self.rest, person, settings, dwell_s)
-        told = self.cell_map, self.index, LIVE.from_rest
-        audit = TargetAudit(self.meet(human, side), *told)
+        args = self.cell_map, self.index, LIVE.from_rest
+        audit = TargetAudit(self.meet(human, side), *args)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
 

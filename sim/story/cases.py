@@ -211,8 +211,8 @@ class StorySetup:
         comes = _comes(planner.robot, threat)[1]
         spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
         settings = replace(LIVE, spare_m=spare)
-        told = self.meet(human), self.rest, self.index, settings
-        return LiveTargets(planner, *told)
+        args = self.meet(human), self.rest, self.index, settings
+        return LiveTargets(planner, *args)
 
 
 def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
@@ -368,8 +368,8 @@ def setup_of(
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     if obj is None:
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
-        told = story_wrench(), index.nodes, grasp_spare(robot)
-        obj = held_farther_out(planner, *told)
+        args = story_wrench(), index.nodes, grasp_spare(robot)
+        obj = held_farther_out(planner, *args)
     cell_map = with_room_for(cell_map, obj)
     rest = rest_of(ReactivePlanner(cell_map), index, obj)
     setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
@@ -413,8 +413,8 @@ def own_object(
     moved = np.inf
     for spare in (grasp_spare(robot), LIVE.spare_m):  # a slow one creeps with less
         if moved > _MOST_MOVED:
-            told = obj, cell_map.roadmap.nodes, max(spare, LIVE.spare_m)
-            held = held_farther_out(planner, *told)
+            args = obj, cell_map.roadmap.nodes, max(spare, LIVE.spare_m)
+            held = held_farther_out(planner, *args)
             moved = held.T_tool_object[2, 3] - obj.T_tool_object[2, 3]
     if moved > _MOST_MOVED:
         raise BadInput(

@@ -133,12 +133,12 @@ class Handover:
             check_grasps(planner, hand.grasps, capsules, index.nodes)
         self.sight = Sight(s, conduct, hand, self.targets.meet.settings.side)
         how = s, conduct, self._allowance
-        told = self.view, hand, index, self._rest
-        self.placing = Placing(*told, *how, T_places, self._why_it_stands)
+        args = self.view, hand, index, self._rest
+        self.placing = Placing(*args, *how, T_places, self._why_it_stands)
         thing = None if self._give else hand.carried
-        told = planner, index, self.placing.grasps, s.back, thing
+        args = planner, index, self.placing.grasps, s.back, thing
         beside = capsules, max(s.room, self._berth.room)
-        reaches = Reaches(*told, *beside, first=self.placing.first)
+        reaches = Reaches(*args, *beside, first=self.placing.first)
         self.offer = Offer(self.view, reaches, *how)
         self._steps: list[Step] = []
         self._at = 0  # which step
@@ -448,8 +448,8 @@ class Handover:
         takes = self.state == table.CLOSE and (hand.holding or frame.holds)
         if takes or (self._give and hand.holding):
             T_world_base = self.targets.meet.settings.T_world_base
-            told = point, hand.T_tool_object, hand.obj.mass_kg, T_world_base
-            weighs = carried_force(self.planner.robot, *told)
+            args = point, hand.T_tool_object, hand.obj.mass_kg, T_world_base
+            weighs = carried_force(self.planner.robot, *args)
             own, taken = (None, weighs) if takes else (weighs, None)
         self._pull.feel(frame.wrench, seen.dt, moving, taken, own)
 
@@ -695,8 +695,8 @@ class Handover:
         if step.kind == "place":
             self._begin_steps(self.placing.find(seen, q, self._progress()))
         if step.kind == "pause":
-            told = seen, step.value, self._now - self._begun, self._progress()
-            self._begin_steps(self.placing.after_pause(*told))
+            args = seen, step.value, self._now - self._begun, self._progress()
+            self._begin_steps(self.placing.after_pause(*args))
         if step.kind in ("line", "up", "back"):
             return self._follow(seen, q, step.value)
         if step.kind == "close":
@@ -800,8 +800,8 @@ class Handover:
         held = getattr(self.answer, "status", "") == "holding"
         hindered = self.executor.state in (SLOWED, BRAKED, STANDING)
         offered = self.view.offered if self.state == table.APPROACH else 0
-        told = self._balls(), held, hindered
-        there = berth.around(there, seen.people + offered, *told)
+        args = self._balls(), held, hindered
+        there = berth.around(there, seen.people + offered, *args)
         self.targets.told_larger = berth.told
         return there
 

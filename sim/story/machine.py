@@ -234,7 +234,7 @@ class Machine:
         for row in self.rows:
             if row.state == self.state and row.signal in signals:
                 self.state, self.since, self.reason = row.then, now, row.reason
-                told = (now, row.then, row.signal, row.reason, row.failure)
-                self.events.append(StoryEvent(*told))
+                args = (now, row.then, row.signal, row.reason, row.failure)
+                self.events.append(StoryEvent(*args))
                 return row
         return None

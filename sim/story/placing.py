@@ -101,12 +101,12 @@ class Placing:
         grasps = hand.T_tool_object[None] if hand.holding else self.grasps
         settings = HELD_AT_PLACE if hand.holding else AT_PLACE
         beside = hand.obj.capsules, self.settings.room
-        told = self.view.planner, self.index, grasps, self.settings.back
+        args = self.view.planner, self.index, grasps, self.settings.back
         if not self.places.now:
-            return Reaches(*told, None, *beside, None, settings)
+            return Reaches(*args, None, *beside, None, settings)
         T = self.T_places[self.places.now]
         on = carries(self.view.planner.cell_map.scenery, hand.obj.capsules, T)
-        return Reaches(*told, hand.carried, *beside, on, settings)
+        return Reaches(*args, hand.carried, *beside, on, settings)
 
     def fetching(self, q: np.ndarray) -> list[Step]:
         """Return the steps that fetch the object, for a robot at q (dof,).

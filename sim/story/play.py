@@ -422,8 +422,8 @@ def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
     if not best:
         return Partner(body, setup.side, setup.obj, case.traits, gives=True)
     grasp = setup.obj.hand_grasps[best[0].grasp]
-    told = (setup.obj, case.traits, True, best[0].arm_q, grasp)
-    return Partner(body, setup.side, *told)
+    args = (setup.obj, case.traits, True, best[0].arm_q, grasp)
+    return Partner(body, setup.side, *args)
 
 
 def rehearse(setup: StorySetup) -> None:
