@@ -40,7 +40,7 @@ class LastPhase:
         # which points, and which shapes, of those looked at may be touched
         self._chosen: np.ndarray | None = None
         self._may_be = np.zeros(0, bool)
-        self._own: tuple[Robot, set[str]] | None = None  # the gripper of a robot
+        self._gripper_of: tuple[Robot, set[str]] | None = None  # the gripper of a robot
         # of one arm, radii and phase; their arrays are held, so that none is reused
         self._known: tuple[tuple, tuple] | None = None
 
@@ -186,9 +186,9 @@ class LastPhase:
 
     def _gripper(self) -> set[str]:
         robot = self.frame.robot
-        if self._own is None or self._own[0] is not robot:
-            self._own = robot, gripper_links(robot)
-        return self._own[1]
+        if self._gripper_of is None or self._gripper_of[0] is not robot:
+            self._gripper_of = robot, gripper_links(robot)
+        return self._gripper_of[1]
 
 
 def _same(known: tuple, of: tuple) -> bool:

@@ -138,8 +138,8 @@ def parse_scenery(
             made.names.append(name)
             continue
         spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
-        for own, shape in _shapes_of(table, k, kind, name, folder, meshes):
-            rho = max(rho, made.add(own, shape, spacing))
+        for label, shape in _shapes_of(table, k, kind, name, folder, meshes):
+            rho = max(rho, made.add(label, shape, spacing))
     rows = np.array(made.rows) if made.rows else np.zeros((0, 16))
     faces = np.concatenate([np.zeros((0, 13)), *made.faces])
     points = np.concatenate(made.points)
@@ -244,8 +244,8 @@ def _shapes_of(
         except BadInput as error:
             raise BadRecipe(f"scenery {k}: {error}") from error
         return [
-            (own, shape.moved(pose @ T))
-            for own, shapes, T in objects
+            (label, shape.moved(pose @ T))
+            for label, shapes, T in objects
             for shape in shapes
         ]
     sizes = [_number(table, k, "radius", None, 1e-6, 100.0)]

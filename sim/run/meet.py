@@ -267,9 +267,9 @@ def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
 
 def _folder_names(robot: Robot) -> Iterator[str]:
     yield robot.name
-    own = f"{robot.name}_{robot.tip_name}".replace("/", "_")
-    yield own
-    yield from (f"{own}_{k}" for k in count(2))
+    name = f"{robot.name}_{robot.tip_name}".replace("/", "_")
+    yield name
+    yield from (f"{name}_{k}" for k in count(2))
 
 
 def judge_sometimes(

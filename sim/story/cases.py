@@ -226,10 +226,10 @@ def _berth(robot: Robot) -> float:
     A robot that is slow to stop creeps beside somebody near its path, until its
     patience ends; a quick one needs no more than by default.
     """
-    own, comes = PlannerSettings().history_clearance, _comes(robot, None)[1]
+    usual, comes = PlannerSettings().history_clearance, _comes(robot, None)[1]
     if comes <= LIVE.spare_m:
-        return own
-    return min(own + _WIDER * comes, _WIDEST)
+        return usual
+    return min(usual + _WIDER * comes, _WIDEST)
 
 
 def grasp_spare(robot: Robot) -> float:
@@ -333,15 +333,15 @@ def other_places(setup: StorySetup) -> np.ndarray:
     obj, scenery = setup.obj, setup.cell_map.scenery
     thing = carried_object(box_of(obj))
     grasps = quarter_turns(obj.T_tool_object, obj.turns)
-    own, planner, found = setup.T_place, setup.planner(), []
-    on = carries(scenery, obj.capsules, own)
+    T_place, planner, found = setup.T_place, setup.planner(), []
+    on = carries(scenery, obj.capsules, T_place)
     beside = grasps, BACK, thing, obj.capsules, StorySettings().room, on, AT_PLACE
     reaches = Reaches(planner, setup.index, *beside)
     for turn in np.radians(_OTHERS):
         for nearer in _NEARER:
-            T = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ own
+            T = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ T_place
             T[:2, 3] *= nearer
-            near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (own, *found)]
+            near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (T_place, *found)]
             if min(near) < _APART or carries(scenery, obj.capsules, T) != on:
                 continue
             if reaches.first(T, setup.rest):
@@ -430,20 +430,20 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
 
     Without `names` those with "finger", "thumb" or "pad" in theirs.
     """
-    own = sorted(gripper_links(robot))
+    carried = sorted(gripper_links(robot))
     likely = (n for n in robot.link_names if any(word in n.lower() for word in _PADS))
-    pads = tuple(names or (n for n in likely if n in own))
+    pads = tuple(names or (n for n in likely if n in carried))
     if not pads:
         raise BadInput(
             f"{robot.name}'s tool carries no link with 'finger', 'thumb' or 'pad' in "
             "its name, so nothing could be grasped; say which may touch an object with "
-            f"`--pads LINK`, of {', '.join(own)}"
+            f"`--pads LINK`, of {', '.join(carried)}"
         )
     for name in names:
-        if name not in own:
+        if name not in carried:
             raise BadInput(
                 f"--pads {name}: {robot.name}'s tool carries no such link; choose from "
-                f"{', '.join(own)}"
+                f"{', '.join(carried)}"
             )
     return pads
 
@@ -508,8 +508,8 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
                     before = straight_back(planner, T, q, BACK)
                     if before is None or audit(before, there) < settings.apart:
                         continue
-                    way = planner.frame.difference(q, before)
-                    if not held[k].motion_free(q, way):  # the object would not pass
+                    dq = planner.frame.difference(q, before)
+                    if not held[k].motion_free(q, dq):  # the object would not pass
                         continue
                 return InReach(target, q)
     return None

@@ -95,7 +95,7 @@ class Berth:
         self.period = executor.period
         self.stop_s, comes = slowest_stop(executor.robot, *how)
         self.comes = comes
-        self._own = min(comes, _WIDEST) if comes > QUICK else 0.0
+        self._usual = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
         self._larger = False  # whether any part was larger, as told last
@@ -103,7 +103,7 @@ class Berth:
 
     def begin(self) -> None:
         """Try anew, with another goal."""
-        self.room = self._own
+        self.room = self._usual
         self._level, self._left, self._again = 0, 0, _LESS_FOR
         self._held = 0  # frames in a row
 
@@ -126,7 +126,7 @@ class Berth:
 
     def widen(self, room: float) -> None:
         """Keep at least `room` [m] from now on, until `begin`."""
-        self.room = max(self._own, room)
+        self.room = max(self._usual, room)
 
     def around(
         self,

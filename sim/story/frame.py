@@ -271,8 +271,9 @@ def smallest_gap(hand: np.ndarray, obj: np.ndarray) -> float:
     return min(capsule_gap(a, b) for a in hand for b in obj)
 
 
-def covering_balls(rods: np.ndarray, n: int = 8) -> np.ndarray:
-    """Return n balls for each of some capsules (k, 7) that hold it, as (k * n, 4)."""
+def covering_balls(rods: np.ndarray) -> np.ndarray:
+    """Return 8 balls for each of some capsules (k, 7) that hold it, as (8 k, 4)."""
+    n = 8
     balls = beads(rods, n)
     half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
     balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))

@@ -157,8 +157,8 @@ class Reaches:
         self, grasps: range, near: list[tuple[int, np.ndarray]], q: np.ndarray
     ) -> list[tuple[int, int | np.ndarray]]:
         """Return the starts for some grasps: found before, q (dof,), near nodes."""
-        seeds = [(own, seed) for own, seed in near if own in grasps]
-        seeds += [(g, seed) for own, seed in near for g in grasps if g != own]
+        seeds = [(known, seed) for known, seed in near if known in grasps]
+        seeds += [(g, seed) for known, seed in near for g in grasps if g != known]
         seeds += [(g, np.array(q)) for g in grasps]
         nodes = ((g, k) for k in range(self.settings.seeds) for g in grasps)
         return [*seeds, *nodes]

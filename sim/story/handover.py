@@ -147,7 +147,7 @@ class Handover:
         self._hindered_s = 0.0  # of this state, slowed or stopped for the person [s]
         self._goals: list[np.ndarray] = []
         self._last: Seen | None = None
-        self._told_at = -np.inf
+        self._expected_at = -np.inf
         self._signalled: set[str] = set()  # what held in the last frame
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
         self._now: float | None = None  # the last frame's time [s]
@@ -366,7 +366,7 @@ class Handover:
     def _tell(self, seen: Seen, every: float) -> None:
         """Tell the planner where the person will be, if that is `every` [s] old."""
         frame, allowance = seen.frame, self._allowance
-        late = abs(self._now - self._told_at)
+        late = abs(self._now - self._expected_at)
         if late < every:
             return
         if late < self.conduct.late_s and not allowance.grants(allowance.takes.tell):
@@ -375,7 +375,7 @@ class Handover:
         parts = seen.person, seen.labels, seen.hand
         rods = comfort_rods(*parts, gaze, self.settings.comfort)
         self._expect(seen.threat, seen.arm, rods)
-        self._told_at = self._now
+        self._expected_at = self._now
 
     def _expect(self, threat: Threat | None, arm: np.ndarray, rods: np.ndarray) -> None:
         """Tell the planner where the arm that takes part will be, while it plans."""

@@ -56,7 +56,7 @@ class StoryPage(LivePage):
         label = f"{cell_map.robot.name}: {run.case.direction}"
         super().__init__(cell_map, run.planner, where, rate_hz=RATE, label=label)
         self._rows = np.zeros((0, 5))
-        self._told = 0  # events
+        self._n_told = 0  # events
 
     def hear(self, moment: StoryMoment) -> None:
         """Show a moment, and wait until the clock has come as far."""
@@ -78,8 +78,8 @@ class StoryPage(LivePage):
             brake=story.executor.reason,
             wall_s=moment.cpu_s,
         )
-        told = [f"{e.state}: {e.reason}" for e in story.events[self._told :]]
-        self._told = len(story.events)
+        told = [f"{e.state}: {e.reason}" for e in story.events[self._n_told :]]
+        self._n_told = len(story.events)
         state = f"{moment.state}: {story.reason}"
         targets = self._targets(round(moment.now * RATE))
         happened = {"targets": targets, "time_s": moment.now}
