@@ -18,7 +18,7 @@ from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap
 from roadmap.ranges import check_kind
 from sim.story.hand import Hand
-from sim.story.settings import ConductSettings, StorySettings
+from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
@@ -169,18 +169,15 @@ class Sight:
     """Works out one frame after another.
 
     Args:
-        settings: What is assumed of the person; when an object is held still.
+        hand: The robot's, with the story's settings; what it holds is not looked for.
         conduct: How frames are read.
-        hand: The robot's; what it holds is not looked for.
         side: Which hand of the person takes part.
     """
 
-    def __init__(
-        self, settings: StorySettings, conduct: ConductSettings, hand: Hand, side: str
-    ) -> None:
-        self.settings, self.conduct = settings, conduct
-        self.hand, self.side = hand, side
-        self._watcher = Watcher(settings.threat)
+    def __init__(self, hand: Hand, conduct: ConductSettings, side: str) -> None:
+        self.hand, self.conduct, self.side = hand, conduct, side
+        self.settings = hand.settings
+        self._watcher = Watcher(hand.settings.threat)
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._alone_s = 0.0  # for how long nobody could get to the object
         # labels as bytes, the parts that are the hand, the arm, words for all parts

@@ -31,7 +31,7 @@ class Hand:
         executor: Of the robot.
         obj: What is handed over.
         thing: Its solid, object frame; None: a box around its capsules.
-        settings: When an object is between the fingers.
+        settings: Of the story; here: when an object is between the fingers.
         holding: Whether the object is in the hand at the beginning.
 
     Attributes:

@@ -131,15 +131,15 @@ class Handover:
             hand.grasps = with_room(planner, hand.carried, hand.grasps)
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(planner, hand.grasps, capsules, index.nodes)
-        self.sight = Sight(s, conduct, hand, self.targets.meet.settings.side)
-        how = s, conduct, self._allowance
-        args = self.view, hand, index, self._rest
-        self.placing = Placing(*args, *how, T_places, self._why_it_stands)
+        self.sight = Sight(hand, conduct, self.targets.meet.settings.side)
+        how = conduct, self._allowance
+        args = self.view, hand, index, self._rest, *how, T_places
+        self.placing = Placing(*args, self._why_it_stands)
         thing = None if self._give else hand.carried
         args = planner, index, self.placing.grasps, s.back, thing
         beside = capsules, max(s.room, self._berth.room)
         reaches = Reaches(*args, *beside, first=self.placing.first)
-        self.offer = Offer(self.view, reaches, *how)
+        self.offer = Offer(self.view, reaches, s, *how)
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]

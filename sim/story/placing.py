@@ -17,7 +17,7 @@ from sim.story.grasping import Reach, Reaches
 from sim.story.hand import CLOSED, OPEN, Hand
 from sim.story.machine import Step
 from sim.story.phase import PhasePlanner
-from sim.story.settings import AT_PLACE, HELD_AT_PLACE, ConductSettings, StorySettings
+from sim.story.settings import AT_PLACE, HELD_AT_PLACE, ConductSettings
 
 
 class Progress(NamedTuple):
@@ -35,7 +35,7 @@ class Placing:
         hand: The robot's.
         index: Nodes of the roadmap by pose of the tool.
         rest: (dof,) where the robot waits [rad or m].
-        settings, conduct: See `sim.story.settings`.
+        conduct: See `sim.story.settings`.
         allowance: What a frame may yet do.
         T_places: (n, 4, 4) the object in its own place, then in others [m].
         why_it_stands: Says why the robot does not move now.
@@ -54,14 +54,13 @@ class Placing:
         hand: Hand,
         index: NodeIndex,
         rest: np.ndarray,
-        settings: StorySettings,
         conduct: ConductSettings,
         allowance: Allowance,
         T_places: np.ndarray,
         why_it_stands: Callable[[], str],
     ) -> None:
         self.view, self.hand, self.index, self.rest = view, hand, index, rest
-        self.settings, self.conduct, self.allowance = settings, conduct, allowance
+        self.settings, self.conduct, self.allowance = hand.settings, conduct, allowance
         self.T_places, self._why_it_stands = T_places, why_it_stands
         self.places = Places(0)
         self.placeless, self.why_kept = False, ""

@@ -82,14 +82,8 @@ def run(
     distances = tuple(distances or DISTANCES)
     if not 0 < seconds < np.inf:
         raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
-    asked = RunRequest(
-        Path(map_dir),
-        MOTION,
-        seconds,
-        execution=execution,
-        targets="meet",
-        reach=None if reach is None else Path(reach),
-    )
+    asked = RunRequest(Path(map_dir), MOTION, seconds, execution=execution)
+    asked = replace(asked, targets="meet", reach=reach and Path(reach))
     jobs = _jobs(asked, seed, distances)
     cell_map = load_map(map_dir, verify=False)
     tell("reach map")
