@@ -28,14 +28,14 @@ from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
-from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
+from sim.people.whole_person import BASE_HEIGHT, FAR, LOOKED_AT, NEAR
+from sim.run.meet import GRASPS
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.hand import box_of, held_farther_out, is_valid, quarter_turns
 from sim.story.settings import AT_PLACE, PARTNER, StorySettings
 
-NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
+ASIDE = 60.0  # [deg] where people stand, at most
 HEIGHTS = 1.5, 1.95  # [m]
-GRASPS = 8  # of the person
 JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
 SPEED = 0.7  # share of the joints' speed limits that the robot uses
 RATE = 100.0  # frames per second

@@ -10,9 +10,10 @@ import numpy as np
 from handover.human.body import ARM_LABELS
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
-from odm.checks import AVOID, CONTACT, OBJECT
+from odm.checks import AVOID
 from odm.execution.executor import Executor
 from odm.execution.threat import ThreatSettings
+from odm.frame.last_phase import TOUCHED
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
@@ -34,7 +35,6 @@ from sim.story.wrist import PlainWrist, Wrist, person_force
 STANDS = 1e-3  # [m/s] slower than this it stands
 _ROUNDING = 1e-6  # of a share
 _SECONDS = 1.0  # that are played in each direction
-_CLASSES = {"give": CONTACT, "receive": OBJECT}
 _EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked for
 
 
@@ -449,7 +449,7 @@ def _touch(run: StoryPlay) -> None:
     rows = np.array([[*tool, *tool, 0.05], [*tool + 0.3, *tool + 0.3, 0.05]])
     for phase in (None, run.case.direction):
         view.phase, view.person, view.offered = phase, rows[1:], 0
-        view.classes = np.array([_CLASSES.get(phase, AVOID), AVOID], np.int8)
+        view.classes = np.array([TOUCHED.get(phase, AVOID), AVOID], np.int8)
         view.meant = np.zeros(1, np.int64)
         answer = planner.step(Obstacles(capsules=rows), q=q)
         _ = answer.reason, answer.retreat
