@@ -89,7 +89,7 @@ class Cluster:
             self.store = ChunkStore(shared)
         self.address, self.threads = scheduler or "", 0
         self.client: Any = None
-        self._own: Any = None
+        self._local: Any = None
         self._settings: Any = None
         self._starting: Future | None = None
         if scheduler is None:
@@ -103,13 +103,13 @@ class Cluster:
     def _start(self, workers: int, loads: str | None) -> None:
         """Make a cluster here, and look at its workers."""
         self._settings = _quiet_settings()
-        self._own = self.dask.LocalCluster(
+        self._local = self.dask.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             dashboard_address=":0",
             silence_logs=40,
         )
-        self.address = self._own.scheduler_address
+        self.address = self._local.scheduler_address
         self._connect(time.monotonic() + min(self.patience, _FIRST_S), workers)
         self._loading = [] if loads is None else self._load(loads)
 
@@ -138,9 +138,9 @@ class Cluster:
             self.ready()
         with suppress(Exception):
             self.client.close(timeout=2)
-        if self._own is not None:
+        if self._local is not None:
             with suppress(Exception):  # one that just starts is slow to end
-                self._own.close(timeout=_CLOSE_S)
+                self._local.close(timeout=_CLOSE_S)
         if self._settings is not None:
             self._settings.__exit__(None, None, None)
 

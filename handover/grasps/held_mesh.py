@@ -80,12 +80,12 @@ def _held(
     """
     points = corners.reshape(-1, 3)
     T = pose_with(_OUT_OF_HAND, 0.5 * (points.min(axis=0) + points.max(axis=0)))
-    own = (corners - T[:3, 3]) @ T[:3, :3]
-    end = float(own[..., 0].max())
+    local = (corners - T[:3, 3]) @ T[:3, :3]
+    end = float(local[..., 0].max())
     place = end - min(max(sticks_out - _CLEAR_FIST, 0.0), _FIST_FROM_END)
     turns = 2 if n_pads == 2 else 1  # two jaws hold it turned by half a turn as well
     grasps = fist_grasps([place])
-    return HeldObject(thing.name, rods_around(own), thing.mass_kg, T, grasps, turns)
+    return HeldObject(thing.name, rods_around(local), thing.mass_kg, T, grasps, turns)
 
 
 def rods_around(corners: np.ndarray) -> np.ndarray:
@@ -191,12 +191,12 @@ def _front_of(robot: Robot, pads: Sequence[str]) -> float:
 def _balls_of_hand(robot: Robot, pads: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return the covers (n, 4) of hand without pads, and of pads, tool frame [m]."""
     q = 0.5 * (robot.lower + robot.upper)  # wherever it is: the hand is the same
-    own = gripper_links(robot) - set(pads)
+    others = gripper_links(robot) - set(pads)
     links = [robot.link_names[k] for k in robot.sphere_link[robot.moving].tolist()]
     balls = cover_balls(robot, q)[robot.moving]
     T = np.linalg.inv(tool_pose(robot, q))
     balls[:, :3] = moved_points(balls[:, :3], T)
-    return balls[[n in own for n in links]], balls[[n in pads for n in links]]
+    return balls[[n in others for n in links]], balls[[n in pads for n in links]]
 
 
 def _spec_of(
@@ -231,17 +231,17 @@ def _spec_of(
     closed = {d: ends[d][closes] for d in drives}
     opened = {d: ends[d][1 - closes] for d in drives}
     others = {d: 0.5 * sum(e) for d, e in ends.items() if d not in drives}
-    told = name, urdf, root, tip, tuple(fingers), closed, ({**others, **opened},)
-    return HandSpec(*told, T_tool_palm)
+    args = name, urdf, root, tip, tuple(fingers), closed, ({**others, **opened},)
+    return HandSpec(*args, T_tool_palm)
 
 
 def _carrier_of(description: Description, links: Sequence[str]) -> str:
     """Return the last link that carries all of some links."""
-    ways = []
+    chains = []
     for link in links:
         joints = description.path(link)
-        ways.append(
+        chains.append(
             [joints[0].parent, *(j.child for j in joints)] if joints else [link]
         )
-    common = [row[0] for row in zip(*ways, strict=False) if len(set(row)) == 1]
+    common = [row[0] for row in zip(*chains, strict=False) if len(set(row)) == 1]
     return common[-1]

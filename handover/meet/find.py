@@ -143,12 +143,12 @@ def _nothing(meet: InteractionWorkspace, tried: list) -> str:
 
 def check_same_robot(reach: ReachMap, robot: Robot) -> None:
     """Refuse a robot whose joints, limits or tool are not those of a reach map."""
-    chain, own = reach.chain, chain_of(robot, self_collisions=False)
+    chain, wanted = reach.chain, chain_of(robot, self_collisions=False)
     q = np.clip(np.full(chain.dof, 0.3), *chain.limits.T)
     same = (
-        chain.joint_names == own.joint_names
-        and np.allclose(chain.limits, own.limits, atol=1e-6)
-        and np.allclose(chain.tool_pose(q), own.tool_pose(q), atol=1e-6)
+        chain.joint_names == wanted.joint_names
+        and np.allclose(chain.limits, wanted.limits, atol=1e-6)
+        and np.allclose(chain.tool_pose(q), wanted.tool_pose(q), atol=1e-6)
     )
     if not same:
         raise BadInput(

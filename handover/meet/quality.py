@@ -69,8 +69,8 @@ class ArmState:
         arm, T = human.arm(side), human.T_world_shoulder(side)
         flip = MIRROR if side == "left" else np.eye(3)
         into = flip @ T[:3, :3].T  # from world directions to the canonical shoulder
-        own = _own_body(human, side)
-        rods = np.vstack([own, _checked(obstacles)])
+        body = _own_body(human, side)
+        rods = np.vstack([body, _checked(obstacles)])
         local = rods.copy()
         for at in (slice(0, 3), slice(3, 6)):
             local[:, at] = (rods[:, at] - T[:3, 3]) @ into.T

@@ -292,9 +292,9 @@ def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple
         else:
             links.setdefault(part.link, []).append(moved)
     parts, groups = [], []
-    for name, own in [*links.items(), ("hand", hand)]:
-        groups.append((name, len(parts), len(parts) + len(own)))
-        parts += own
+    for name, members in [*links.items(), ("hand", hand)]:
+        groups.append((name, len(parts), len(parts) + len(members)))
+        parts += members
     return tuple(parts), tuple(groups)
 
 

@@ -158,7 +158,7 @@ class Mover:
         """
         limb, hand, thing = self.limb, self.hand_group, self.object_group
         near, proof = placed.body.neighbours, self.proof
-        margin, own = proof.margin, proof.self_margin
+        margin, self_margin = proof.margin, proof.self_margin
         extent, origin = _extent(limb), self.T_mount[:3, :3] @ limb.tree_f[1, 9:12]
         origin = origin + self.T_mount[:3, 3]
         rows_hand, rows_arm = [], []
@@ -184,8 +184,8 @@ class Mover:
             for b in range(a + 1, hand + 1):
                 other = limb.spec.root if b == hand else limb.groups[b][0]
                 if (limb.groups[a][0], other) not in near:
-                    rows_arm.append((a, b, own))
-        rows_arm += [(a, hand + 1 + k, own) for k, a in enumerate(by_hand)]
+                    rows_arm.append((a, b, self_margin))
+        rows_arm += [(a, hand + 1 + k, self_margin) for k, a in enumerate(by_hand)]
         rows = [*rows_hand, *rows_arm]
         pairs = np.array([r[:2] for r in rows])
         margins = np.array([r[2] for r in rows])
@@ -247,8 +247,8 @@ class Mover:
         """Return what the object would touch of all that stands, held by no hand."""
         self.put_object(T_world_object)
         self.space.margin[:] = _OFF
-        own = np.setdiff1d(self._rows.still, self._rows.touching)
-        self.space.margin[own] = self.proof.margin
+        tested = np.setdiff1d(self._rows.still, self._rows.touching)
+        self.space.margin[tested] = self.proof.margin
         q = np.clip(np.zeros(self.limb.dof), self.limb.lower, self.limb.upper)
         trouble = self.why(q)[1]
         self.put_object(T_world_object)
@@ -409,9 +409,9 @@ def _limb_groups(limb: Limb, first: int, groups: Sequence) -> list[tuple]:
     """Return groups of a limb whose bodies begin at row `first`."""
     found = []
     for name, begin, end in groups:
-        own = limb.parts[begin:end]
-        body = limb.palm if name == "hand" else own[0].body
-        parts = [(first + p.body, p.points, p.radius) for p in own]
+        members = limb.parts[begin:end]
+        body = limb.palm if name == "hand" else members[0].body
+        parts = [(first + p.body, p.points, p.radius) for p in members]
         found.append((name, first + body, parts))
     return found
 
@@ -421,9 +421,9 @@ def hand_ball(limb: Limb) -> tuple:
     """Return a ball round a hand for all joints of its fingers, frame of its body."""
     _, begin, end = limb.groups[-1]
     center = np.zeros(3)
-    own = [p for p in limb.parts[begin:end] if p.body == limb.palm]
-    if own:
-        center = np.array(ball_of(np.concatenate([p.points for p in own]))[:3])
+    members = [p for p in limb.parts[begin:end] if p.body == limb.palm]
+    if members:
+        center = np.array(ball_of(np.concatenate([p.points for p in members]))[:3])
     far = 0.0
     for part in limb.parts[begin:end]:
         reach, body = np.linalg.norm(part.points, axis=1).max() + part.radius, part.body
@@ -475,7 +475,7 @@ def _fingers(groups: list, limb: Limb, near: frozenset) -> dict[int, tuple]:
         if limb.parts[begin].body == limb.palm or (link, limb.spec.root) not in near:
             continue  # in the latter case the whole hand is tested against it
         apart = [
-            p for p, own in zip(parts, links, strict=True) if (link, own) not in near
+            p for p, tip in zip(parts, links, strict=True) if (link, tip) not in near
         ]
         if apart:
             found[a] = name, body, apart

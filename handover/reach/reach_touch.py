@@ -20,8 +20,8 @@ _ALIKE = 1e-9  # [m, or of a rotation's entries]
 def touch_of(chain: Chain) -> Touch:
     """Return the tables of the self-collision test with scratch for one thread."""
     tables = _tables(chain)
-    own = ("axes", "direction", "places", "simplex", "whole", "frames")
-    return tables._replace(**{name: getattr(tables, name).copy() for name in own})
+    scratch = ("axes", "direction", "places", "simplex", "whole", "frames")
+    return tables._replace(**{name: getattr(tables, name).copy() for name in scratch})
 
 
 @lru_cache(maxsize=8)

@@ -116,8 +116,8 @@ def kneeling(seed: int) -> Scene:
     axis from the table to Hubo, within 20 degrees of the tilt.
     """
     rng = np.random.default_rng(seed)
-    way = rng.normal(size=3)
-    shift = 0.03 * rng.uniform() ** (1.0 / 3.0) * way / np.linalg.norm(way)
+    direction = rng.normal(size=3)
+    shift = 0.03 * rng.uniform() ** (1.0 / 3.0) * direction / np.linalg.norm(direction)
     roll = POUR_TILT + rng.uniform(-1.0, 1.0) * np.radians(20.0)
     x = TABLE_MIDDLE[0] + 0.5 * TABLE_SIZE[0] + PLATE_BEHIND
     y = TABLE_MIDDLE[1]

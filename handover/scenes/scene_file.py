@@ -203,8 +203,8 @@ def _scenery(tables: object, path: Path) -> tuple[Fixture, ...]:
     found: dict[str, Fixture] = {}
     for name, shape in named:
         # others look them up by name: a table's legs may all be called "table"
-        own = next(n for n in _counted(name) if n not in found)
-        found[own] = Fixture(own, shape)
+        unique = next(n for n in _counted(name) if n not in found)
+        found[unique] = Fixture(unique, shape)
     return tuple(found.values())
 
 

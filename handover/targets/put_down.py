@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from odm.obstacles.scenery import Scenery
+from odm.obstacles.scenery import BOX, PLANE, Scenery
 from roadmap.geometry.gaps import moved_rods
 
 UNREACHED = "no grasp with which it is held reaches it"
 BLOCKED = "no certified motion leads there"
 BESET = "the person is in the way"
-_PLANE, _BOX = 0.0, 1.0  # kinds of solids with a flat top; see `Scenery.solids`
 _BELOW = 0.02  # [m] a surface so far below an object's lowest point carries it
 _LEVEL = 1e-3  # a surface whose normal is off the vertical by less is level
 
@@ -95,9 +94,9 @@ def _top_of(row: np.ndarray, low: np.ndarray, high: np.ndarray) -> float | None:
 
     None: the solid has none.
     """
-    if row[0] == _PLANE:
+    if row[0] == PLANE:
         return float(row[4]) if row[3] > 1.0 - _LEVEL else None
-    if row[0] != _BOX:
+    if row[0] != BOX:
         return None
     R, half = row[4:13].reshape(3, 3), row[13:16]
     up = int(np.abs(R[2]).argmax())  # the axis of the box that points up

@@ -42,9 +42,9 @@ def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
 def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
     links = [k for k, b in enumerate(robot.link_body) if b in outer_bodies(robot)]
     solids = robot_solids(robot)
-    own = {k: [s for s in solids if s.link == k] for k in links}
-    covers = {k: cover_solids(own[k], EXCESS) for k in links if own[k]}
-    excess = {robot.link_names[k]: cover_excess(c, own[k]) for k, c in covers.items()}
+    parts = {k: [s for s in solids if s.link == k] for k in links}
+    covers = {k: cover_solids(parts[k], EXCESS) for k in links if parts[k]}
+    excess = {robot.link_names[k]: cover_excess(c, parts[k]) for k, c in covers.items()}
     stays = ~np.isin(robot.sphere_link, list(covers))
     spheres = np.concatenate([robot.spheres[stays], *covers.values()])
     link = np.concatenate(

@@ -189,8 +189,8 @@ class ToolKinematics:
         off = math.sqrt(squares[:, 9:].sum(axis=1).max())
         turned = math.sqrt(squares[:, :9].sum(axis=1).max())
         w = float(self._turns @ np.abs(dq))
-        own = abs(s_b - s_a) * line.angle
-        turned += share * (math.sqrt(3.0) * 1.5 * w * w + math.sqrt(2.0) * own * own)
+        turn = abs(s_b - s_a) * line.angle
+        turned += share * (math.sqrt(3.0) * 1.5 * w * w + math.sqrt(2.0) * turn * turn)
         angle = 2.0 * math.asin(min(1.0, turned / math.sqrt(8.0)))
         return off + share * float(self._second[0]), angle
 

@@ -180,12 +180,12 @@ class Totals:
         self._keep_worst(pairs, found, low)
         names = np.array([FAMILIES.index(s.family) for s in self.auditor.specimens])
         for i, name in enumerate(FAMILIES):
-            own = names[pairs.obstacle] == i
+            of_obstacle = names[pairs.obstacle] == i
             row = self.families[name]
-            row[0] += int(own.sum())
-            row[1] += int(found.free[own].sum())
-            row[2] += int(bad[own].sum())
-            row[3] = min(row[3], float(low[own].min(initial=np.inf)))
+            row[0] += int(of_obstacle.sum())
+            row[1] += int(found.free[of_obstacle].sum())
+            row[2] += int(bad[of_obstacle].sum())
+            row[3] = min(row[3], float(low[of_obstacle].min(initial=np.inf)))
 
     def _keep_worst(self, pairs, found, low):
         """Keep the nearest pair of each of the nearest motions."""

@@ -73,11 +73,11 @@ def _tight(robot: Robot, i: int) -> np.ndarray:
         return np.empty((0, 6))
     box = kind == BOX
     corners = BOX_CORNERS * robot.solid_size[i] if box else _hull_points(robot, i)
-    own = robot.spheres[robot.sphere_body == robot.link_body[robot.solid_link[i]]]
+    spheres = robot.spheres[robot.sphere_body == robot.link_body[robot.solid_link[i]]]
     T = robot.solid_pose[i]
-    away = (corners @ T[:3, :3].T + T[:3, 3])[:, None] - own[None, :, :3]
+    away = (corners @ T[:3, :3].T + T[:3, 3])[:, None] - spheres[None, :, :3]
     length = np.linalg.norm(away, axis=2)
-    outside = length - own[:, 3]
+    outside = length - spheres[:, 3]
     nearest = outside.argmin(axis=1)
     rows = np.arange(len(corners))
     out = away[rows, nearest] / length[rows, nearest][:, None]

@@ -82,15 +82,15 @@ def most_needed_sphere(robot: Robot) -> tuple[int, float]:
     owner = solids.body[solids.target_part]
     best, depth = -1, 0.0
     for body in np.unique(owner):
-        own = np.flatnonzero(robot.sphere_body == body)
-        away = points[owner == body][:, None] - robot.spheres[own, :3]
-        outside = np.linalg.norm(away, axis=2) - robot.spheres[own, 3]
-        for k in range(len(own)):
+        of_body = np.flatnonzero(robot.sphere_body == body)
+        away = points[owner == body][:, None] - robot.spheres[of_body, :3]
+        outside = np.linalg.norm(away, axis=2) - robot.spheres[of_body, 3]
+        for k in range(len(of_body)):
             others = np.delete(outside, k, axis=1)
             # the loss of an only sphere takes the whole link away: too easy to find
-            bare = others.min(axis=1).max() if len(own) > 1 else 0.0
+            bare = others.min(axis=1).max() if len(of_body) > 1 else 0.0
             if bare > depth:
-                best, depth = int(own[k]), float(bare)
+                best, depth = int(of_body[k]), float(bare)
     return best, depth
 
 

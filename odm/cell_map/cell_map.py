@@ -46,8 +46,8 @@ class PayloadLayer:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays by name, for the store."""
-        own = {"spheres": self.spheres, "closed": self.closed}
-        return own | self.cells.arrays()
+        arrays = {"spheres": self.spheres, "closed": self.closed}
+        return arrays | self.cells.arrays()
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +189,9 @@ def _made(manifest: dict, arrays: dict[str, np.ndarray]) -> CellMap:
     recipe = recipe_of_map(manifest["recipe"])
     payload, n_blocks = None, int(np.prod(arrays["grid.blocks"]))
     if recipe.payload is not None:
-        own = _part(arrays, "payload.")
-        spheres, closed = own.pop("spheres"), own.pop("closed")
-        cells = lists_of(own, n_blocks)
+        layer = _part(arrays, "payload.")
+        spheres, closed = layer.pop("spheres"), layer.pop("closed")
+        cells = lists_of(layer, n_blocks)
         payload = PayloadLayer(recipe.payload, spheres, cells, closed)
     return CellMap(
         robot=Robot.from_store(manifest["robot"], _part(arrays, "robot.")),

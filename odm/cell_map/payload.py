@@ -101,8 +101,8 @@ def build_payload(
     """
     spheres = envelope_spheres(recipe)
     loaded = with_payload(robot, spheres, shell(envelope_solid(recipe.payload)), [])
-    own = len(loaded.link_names) - 1
-    alone = only_link(loaded, own)
+    link = len(loaded.link_names) - 1
+    alone = only_link(loaded, link)
     rest = (grid, recipe.safety, workers, progress)
     cells = sweep_roadmap(alone, arm_of(alone), roadmap, *rest)
     test = static_test(StaticTestSpec(loaded, scenery, recipe.safety), threads)
@@ -137,13 +137,13 @@ def envelope_spheres(recipe: Recipe) -> np.ndarray:
 
 def only_link(robot: Robot, link: int) -> Robot:
     """Return a robot that has the spheres of one link only."""
-    own = robot.sphere_link == link
+    on_link = robot.sphere_link == link
     return replace(
         robot,
-        spheres=robot.spheres[own],
-        sphere_body=robot.sphere_body[own],
-        sphere_link=robot.sphere_link[own],
-        sphere_reach=robot.sphere_reach[own],
+        spheres=robot.spheres[on_link],
+        sphere_body=robot.sphere_body[on_link],
+        sphere_link=robot.sphere_link[on_link],
+        sphere_reach=robot.sphere_reach[on_link],
     )
 
 

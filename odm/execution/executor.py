@@ -162,8 +162,8 @@ class Executor:
         held = robot if static is None else static.robot
         if held is not self._loaded[0]:
             if len(held.spheres) > len(robot.spheres):
-                own = {name: getattr(robot, name) for name in _LIMITS}
-                robot = replace(held, **own)
+                limits = {name: getattr(robot, name) for name in _LIMITS}
+                robot = replace(held, **limits)
             self._loaded = held, robot
         return self._loaded[1]
 

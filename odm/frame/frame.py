@@ -156,7 +156,7 @@ class Frame:
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
         # shapes and classes that were checked and not taken yet; None: as before
-        self._told: tuple[Obstacles | None, np.ndarray | None] | None = None
+        self._given: tuple[Obstacles | None, np.ndarray | None] | None = None
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
         # two buffers: the points of an earlier frame may be kept for the watch
         self._buffers = [np.empty((point_capacity, 3)) for _ in range(2)]
@@ -227,7 +227,7 @@ class Frame:
         q = self.asked(q, dq)
         classes = None if classes is None else check_classes(classes, len(points))
         same = obstacles is self.obstacles and classes is None and self.classes is None
-        self._told = None if same else (obstacles, classes)
+        self._given = None if same else (obstacles, classes)
         return points, q
 
     def asked(self, q: np.ndarray, dq: np.ndarray | None = None) -> np.ndarray:
@@ -267,11 +267,11 @@ class Frame:
         if rounding is not None:
             check_number("rounding in m", rounding, 0.0, np.inf)
         self.again = _NOTHING_AGAIN
-        if self._told is not None:
-            obstacles, classes = self._told
+        if self._given is not None:
+            obstacles, classes = self._given
             if obstacles is not None and obstacles is not self._known:
                 self._know(obstacles)
-            self.obstacles, self.classes, self._told = obstacles, classes, None
+            self.obstacles, self.classes, self._given = obstacles, classes, None
         if stamp is not None or now is not None or self._unfit is not None:
             q = None
         plain = covering_radius is None and rounding is None

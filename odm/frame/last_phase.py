@@ -27,7 +27,7 @@ from roadmap.loading.held_link import PAYLOAD, hanging_on
 from roadmap.robot.robot import Robot
 
 GRIPPER_KEEPS = 0.01  # [m]
-_TOUCHED = {"give": CONTACT, "receive": OBJECT}
+TOUCHED = {"give": CONTACT, "receive": OBJECT}
 
 
 class LastPhase:
@@ -40,7 +40,7 @@ class LastPhase:
         # which points, and which shapes, of those looked at may be touched
         self._chosen: np.ndarray | None = None
         self._may_be = np.zeros(0, bool)
-        self._own: tuple[Robot, set[str]] | None = None  # the gripper of a robot
+        self._gripper_of: tuple[Robot, set[str]] | None = None  # the gripper of a robot
         # of one arm, radii and phase; their arrays are held, so that none is reused
         self._known: tuple[tuple, tuple] | None = None
 
@@ -60,7 +60,7 @@ class LastPhase:
         if len(points) or self._chosen is None or len(self._chosen):
             chosen = np.zeros(len(points), bool)
             if classes is not None:
-                chosen = classes == _TOUCHED[phase]
+                chosen = classes == TOUCHED[phase]
             self._clouds = (
                 self._others.of(np.ascontiguousarray(points[~chosen])),
                 self._touched.of(np.ascontiguousarray(points[chosen])),
@@ -68,7 +68,7 @@ class LastPhase:
             self._chosen = chosen
         n = solids.count.item()
         kinds = np.zeros(n, np.int8) if kinds is None else kinds
-        may = self._may_be = kinds == _TOUCHED[phase]
+        may = self._may_be = kinds == TOUCHED[phase]
         self._solids = some_of(solids, ~may), some_of(solids, may)
 
     def hit(
@@ -165,7 +165,7 @@ class LastPhase:
     def links_that_may(self, phase: str) -> set[str]:
         """Return the links that may touch something in a phase; BadInput as `look`."""
         frame = self.frame
-        if not isinstance(phase, str) or phase not in _TOUCHED:
+        if not isinstance(phase, str) or phase not in TOUCHED:
             raise BadInput(
                 f"there is no phase {phase!r}; choose 'give' or 'receive', or None"
             )
@@ -186,9 +186,9 @@ class LastPhase:
 
     def _gripper(self) -> set[str]:
         robot = self.frame.robot
-        if self._own is None or self._own[0] is not robot:
-            self._own = robot, gripper_links(robot)
-        return self._own[1]
+        if self._gripper_of is None or self._gripper_of[0] is not robot:
+            self._gripper_of = robot, gripper_links(robot)
+        return self._gripper_of[1]
 
 
 def _same(known: tuple, of: tuple) -> bool:

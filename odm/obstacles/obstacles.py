@@ -167,8 +167,8 @@ class Obstacles:
         ends = np.cumsum(self.counts).tolist()
         for kind, n, end in zip(KINDS, self.counts.tolist(), ends, strict=True):
             if kind in classes:
-                own = np.asarray(check_classes(classes[kind], n))
-                self.shape_classes[end - n : end] = own
+                checked = np.asarray(check_classes(classes[kind], n))
+                self.shape_classes[end - n : end] = checked
 
     @classmethod
     def of(

@@ -18,7 +18,7 @@ from roadmap.ranges import check_rpy, is_between
 from roadmap.transforms import moved_points, pose_of, pose_with
 
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
-_BOX, _ROD, _CYLINDER, _HULL = 1.0, 2.0, 3.0, 4.0
+PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0
 _ROUND = {"type", "name", "radius", "position", "covering_radius"}
 _KEYS = {
     "plane": {"type", "name", "normal", "offset"},
@@ -103,14 +103,14 @@ class Scenery:
 def shape_of_row(row: np.ndarray, faces: np.ndarray) -> Shape | None:
     """Return the shape of a row of `Scenery.solids`; None: it is a half-space."""
     kind, middle = row[0], row[1:4]
-    if kind == _BOX:
+    if kind == BOX:
         return Box(2.0 * row[13:16], pose_with(row[4:13].reshape(3, 3), middle))
-    if kind == _ROD:
+    if kind == ROD:
         return Capsule.between(middle, middle + row[4:7], row[7])
-    if kind == _CYLINDER:
+    if kind == CYLINDER:
         half = row[8] * row[4:7]
         return Cylinder.between(middle - half, middle + half, row[7])
-    if kind == _HULL:
+    if kind == HULL:
         corners = faces[int(row[5]) : int(row[6]), 4:13].reshape(-1, 3)
         return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     return None
@@ -138,8 +138,8 @@ def parse_scenery(
             made.names.append(name)
             continue
         spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
-        for own, shape in _shapes_of(table, k, kind, name, folder, meshes):
-            rho = max(rho, made.add(own, shape, spacing))
+        for label, shape in _shapes_of(table, k, kind, name, folder, meshes):
+            rho = max(rho, made.add(label, shape, spacing))
     rows = np.array(made.rows) if made.rows else np.zeros((0, 16))
     faces = np.concatenate([np.zeros((0, 13)), *made.faces])
     points = np.concatenate(made.points)
@@ -195,21 +195,21 @@ class _Made:
         row = np.zeros(16)
         T = shape.T_base_shape
         if isinstance(shape, Box):
-            row[0], row[1:4] = _BOX, T[:3, 3]
+            row[0], row[1:4] = BOX, T[:3, 3]
             row[4:13], row[13:16] = T[:3, :3].ravel(), np.asarray(shape.size) / 2
         elif isinstance(shape, Sphere | Capsule):
             a, b = (T[:3, 3],) * 2 if isinstance(shape, Sphere) else shape.ends()
-            row[0], row[1:4], row[4:7] = _ROD, a, b - a
+            row[0], row[1:4], row[4:7] = ROD, a, b - a
             row[7], row[8] = shape.radius, (b - a) @ (b - a)
         elif isinstance(shape, Cylinder):
-            row[0], row[1:4], row[4:7] = _CYLINDER, T[:3, 3], T[:3, 2]
+            row[0], row[1:4], row[4:7] = CYLINDER, T[:3, 3], T[:3, 2]
             row[7], row[8] = shape.radius, 0.5 * shape.length
         elif is_small_hull(shape.vertices, shape.faces):
             first = sum(map(len, self.faces))
             vertices = moved_points(shape.vertices, T)
             hull = hull_of(Mesh(vertices, shape.faces))
             self.faces.append(hull.faces)
-            row[0], row[1:5] = _HULL, hull.ball
+            row[0], row[1:5] = HULL, hull.ball
             row[5:7] = first, first + len(hull.faces)
         else:
             surface = surface_of(shape, spacing)
@@ -244,8 +244,8 @@ def _shapes_of(
         except BadInput as error:
             raise BadRecipe(f"scenery {k}: {error}") from error
         return [
-            (own, shape.moved(pose @ T))
-            for own, shapes, T in objects
+            (label, shape.moved(pose @ T))
+            for label, shapes, T in objects
             for shape in shapes
         ]
     sizes = [_number(table, k, "radius", None, 1e-6, 100.0)]

@@ -201,8 +201,8 @@ class Reasons:
         a, b = roadmap.edges[edge]
         found: set[tuple[int, int, int]] = set()
         for item in (n + edge, int(a), int(b)):
-            blocks, own = cells_of_item(*lists, item)
-            both = own & memory.cloud.words[blocks]
+            blocks, masks = cells_of_item(*lists, item)
+            both = masks & memory.cloud.words[blocks]
             for k in np.flatnonzero(both):
                 found.update(_unpack(int(blocks[k]), int(both[k]), self.frame))
         return found

@@ -212,9 +212,9 @@ class PoseGoals:
         known = frame.number > 0 and frame.trouble is None
         still = np.zeros(self._robot.dof)
         here = frame.q if np.isfinite(frame.q).all() else still
-        way = difference(self._robot, here, qs) * frame.cell_map.roadmap.weights
+        off = difference(self._robot, here, qs) * frame.cell_map.roadmap.weights
         blocked = [known and not frame.motion_clear(q, still) for q in qs]
-        return list(zip(blocked, np.linalg.norm(way, axis=1).tolist(), strict=True))
+        return list(zip(blocked, np.linalg.norm(off, axis=1).tolist(), strict=True))
 
 
 def _checked_tolerance(tolerance: object) -> tuple[float, float]:

@@ -96,15 +96,7 @@ class Retreat:
         check_scale(speed_scale)
         frame, s = self.frame, self.settings
         q = check_numbers(frame.robot, q)
-        check_kind("coming", coming, Sequence, "give [(seconds, shapes or points)]")
-        for one in coming:
-            if not (isinstance(one, Sequence) and len(one) == 2):
-                raise BadInput(f"coming holds {one!r}; give (seconds, obstacles)")
-            if not is_between(one[0], -_LONGEST_S, _LONGEST_S):
-                raise BadInput(
-                    f"{one[0]!r} in coming is no time, or a time that is not finite; "
-                    "give seconds from now"
-                )
+        _check_coming(coming)
         there = self._laid_out([what for _, what in coming])
         if frame.trouble is not None or there is None:
             return None
@@ -183,6 +175,18 @@ class Retreat:
         dq = np.ascontiguousarray(dq)
         clear = self.frame.motion_clear(q, dq, escape=escape)
         return clear and self.frame.static.motion_free(q, dq)
+
+
+def _check_coming(coming: Sequence[tuple[float, object]]) -> None:
+    check_kind("coming", coming, Sequence, "give [(seconds, shapes or points)]")
+    for one in coming:
+        if not (isinstance(one, Sequence) and len(one) == 2):
+            raise BadInput(f"coming holds {one!r}; give (seconds, obstacles)")
+        if not is_between(one[0], -_LONGEST_S, _LONGEST_S):
+            raise BadInput(
+                f"{one[0]!r} in coming is no time, or a time that is not finite; "
+                "give seconds from now"
+            )
 
 
 class _Expected(NamedTuple):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from odm.close_test.close_test import NO_SOLIDS
+from odm.close_test.static import SET_STATIC
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Frame
 from odm.frame.place import ShapeGroup, Standing
@@ -21,7 +22,6 @@ from roadmap.transforms import check_pose
 
 LONGEST_NAME = 200
 FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
-STATIC = "the scenery set by set_static"
 _SHAPES = (Box, Capsule, Cylinder, Mesh, Sphere)
 
 
@@ -193,7 +193,7 @@ class Scene:
         if self._p_world_static is not None:
             world = self._frame.world_ahead
             points = np.array(world.points(self._p_world_static))
-            things[STATIC] = Standing(STATIC, points, points, NO_SOLIDS)
+            things[SET_STATIC] = Standing(SET_STATIC, points, points, NO_SOLIDS)
         for name, one in self._objects.items():
             things[name] = self._things[name].at(self._in_base(one.T_world_object))
         if things or self._carrier.things:
@@ -292,7 +292,7 @@ class Scene:
                 f"an object of the scene cannot be called {it}; give its name first, "
                 f"a line of 1 to {LONGEST_NAME} characters, no blank at its ends"
             )
-        if name in self._objects or name == STATIC:
+        if name in self._objects or name == SET_STATIC:
             raise BadInput(
                 f"the scene has an object {name!r} already; move or remove it, or give "
                 "another name"

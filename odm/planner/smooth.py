@@ -154,8 +154,8 @@ class Smoother:
 
         One that moves is led to a corner a little ahead, which it can round.
         """
-        at, own, q = self._at, self.frame.memory.robot_state, self.path.q
-        if ((own.before if ahead is None else ahead) == own.q).all():  # it stands
+        at, state, q = self._at, self.frame.memory.robot_state, self.path.q
+        if ((state.before if ahead is None else ahead) == state.q).all():  # it stands
             return at, self._share
         leg = np.abs(q[at + 1] - q[at]) / self.frame.robot.max_velocity
         share = self._share + self.settings.kept_s / max(float(leg.max()), 1e-9)

@@ -195,10 +195,10 @@ def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:
         kernels.contacts(tested.model, q, tested.scratch(), contacts[k])
     share = {}
     for pair in map(tuple, robot.self_pairs.tolist()):
-        own = (tested.links == pair).all(axis=1) | (tested.links[:, ::-1] == pair).all(
+        rows = (tested.links == pair).all(axis=1) | (tested.links[:, ::-1] == pair).all(
             axis=1
         )
-        share[pair] = float(contacts[:, own].any(axis=1).mean())
+        share[pair] = float(contacts[:, rows].any(axis=1).mean())
     return share
 
 

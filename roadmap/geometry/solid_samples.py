@@ -46,8 +46,8 @@ def surface(solid: Solid, n: int) -> tuple[np.ndarray, np.ndarray]:
     for k in np.unique(parts):
         lattice = _lattices(triangles[parts == k], k)
         points.append(lattice.reshape(-1, 3))
-        own = hull.equations[parts == k, None, :3]
-        normals.append(np.broadcast_to(own, lattice.shape).reshape(-1, 3))
+        normal = hull.equations[parts == k, None, :3]
+        normals.append(np.broadcast_to(normal, lattice.shape).reshape(-1, 3))
     points, normals = np.vstack(points), np.vstack(normals)
     # one point for each small cell of space: thin triangles bring far too many
     cells = np.floor(points / (0.7 * step)).astype(int)

@@ -112,9 +112,9 @@ def cover_report(robot: Robot) -> list[CoverRow]:
     solids = robot_solids(robot)
     for link, name in enumerate(robot.link_names):
         spheres = robot.spheres[robot.sphere_link == link]
-        own = [s for s in solids if s.link == link]
+        of_link = [s for s in solids if s.link == link]
         moving = bool(robot.link_body[link] > 0)
-        fit = cover_excess(spheres, own), _protrusion(spheres, own)
+        fit = cover_excess(spheres, of_link), _protrusion(spheres, of_link)
         rows.append(CoverRow(name, len(spheres), *fit, moving))
     return rows
 
@@ -190,8 +190,8 @@ def _able(pool, samples, solids: list[Solid], excess: float):
     rows = _rows(pool, samples)
     bits = np.bitwise_or.reduce(rows, axis=0).astype("<u8").view(np.uint8)
     held = np.unpackbits(bits, bitorder="little")[: len(samples)].astype(bool)
-    own = _candidates(samples[~held], solids, excess)
-    return np.vstack([pool, own]), np.vstack([rows, _rows(own, samples)])
+    added = _candidates(samples[~held], solids, excess)
+    return np.vstack([pool, added]), np.vstack([rows, _rows(added, samples)])
 
 
 def _rows(pool: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -182,7 +182,7 @@ def standing_values(
 def driven_by(description: Description, name: str) -> list[tuple[str, float, float]]:
     """Return (joint, factor, offset) of `name` and of all that follow it."""
     rows = _drives(description).items()
-    return [(own, f, o) for own, (driver, f, o) in rows if driver == name]
+    return [(joint, f, o) for joint, (driver, f, o) in rows if driver == name]
 
 
 def _drives(description: Description) -> dict[str, tuple[str, float, float]]:
@@ -331,17 +331,17 @@ def _breaks_turn(follower: Joint, factor: float) -> bool:
 
 
 def _kept_range(
-    name: str, own: tuple[float, float], followers: list[tuple[Joint, float, float]]
+    name: str, full: tuple[float, float], followers: list[tuple[Joint, float, float]]
 ) -> tuple[tuple[float, float], list[str]]:
     """Return the range of a driving joint in which its followers keep theirs.
 
-    And a note where that is not all of its `own`. `followers` are (joint, factor,
+    And a note where that is not all of it (`full`). `followers` are (joint, factor,
     offset).
 
     Raises:
         BadRobot: A follower leaves no range.
     """
-    (low, high), held = own, []
+    (low, high), held = full, []
     for follower, factor, offset in followers:
         if follower.name == name or factor == 0.0:
             continue
@@ -353,7 +353,7 @@ def _kept_range(
         held.append(follower.name)
         if not low < high:
             raise BadRobot(
-                f"joint {name!r} has the limits {own[0]:.6g} to {own[1]:.6g}, but "
+                f"joint {name!r} has the limits {full[0]:.6g} to {full[1]:.6g}, but "
                 f"{follower.name!r}, which follows it, keeps {stops[0]:.6g} to "
                 f"{stops[1]:.6g} from {first:.6g} to {last:.6g} alone; correct one "
                 f"<limit>, or lock {name!r}"

@@ -75,7 +75,7 @@ def load_robot(
         raise BadRobot(f"joint {both[0]!r} is locked and travels; choose one of both")
     given = {"velocity": velocity, "acceleration": acceleration, "jerk": jerk}
     _check_kinds({"locked": locked, **given}, package_dirs)
-    own = frozenset(locked or {})
+    user_locked = frozenset(locked or {})
     if known is not None:
         locked = {**known.locked, **(locked or {})}
         tip = tip or known.tip
@@ -91,7 +91,7 @@ def load_robot(
     lookup = (path, tuple(package_dirs))
     parts = Parts(description, tree, tip, locked, disabled, lookup, str(source))
     if travel is None:
-        return _with_fingers(parts, cover_excess, own)
+        return _with_fingers(parts, cover_excess, user_locked)
     for name in travel:
         check_travel(description, tree, name)
     links = carried_links(description, tree, travel)

@@ -16,9 +16,8 @@ from roadmap.errors import BadInput
 from sim.bench.browser import Browser, Tab, found_browser
 from sim.run.folders import REACH_MAPS
 from sim.story.cases import StoryCase, StorySetup, setup_of
-from sim.story.page import StoryPage
-from sim.story.play import RATE, StoryPlay
-from sim.story.rehearsal import rehearse
+from sim.story.play import RATE, StoryPlay, rehearse
+from sim.story.shown import StoryPage
 from sim.tables.header import header
 from sim.tables.table import value_row
 from sim.view.gate import LOCAL

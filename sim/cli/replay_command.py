@@ -310,8 +310,8 @@ def _repeat_cycle(
     from sim.maintenance.cases import tools_of
     from sim.maintenance.record import is_same_again, work_place_of
 
-    told = _pads_of(found.head["parts"][0]), work_place_of(found)
-    if not is_same_again(found, tools_of(cell_map, reach, *told)):
+    args = _pads_of(found.head["parts"][0]), work_place_of(found)
+    if not is_same_again(found, tools_of(cell_map, reach, *args)):
         print(f"odm: the replay of {path} differs", file=sys.stderr)
         raise typer.Exit(1)
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")

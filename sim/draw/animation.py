@@ -56,11 +56,11 @@ def write_animation(
     hiding = None if still is None else balls_of(still)
     bodies = [_bodies(result, robot, i) for i in moments]
     robots = [robot_balls for robot_balls, _ in bodies]
-    own = np.vstack([balls[robot.sphere_body > 0] for balls in robots])
+    moving = np.vstack([balls[robot.sphere_body > 0] for balls in robots])
     tool = np.vstack([balls[robot.sphere_body == robot.tip_body] for balls in robots])
     people = np.vstack([person for _, person in bodies])
     high = people[people[:, 2] >= np.median(people[:, 2])] if len(people) else people
-    camera = framed(settings.camera(), own, tool=tool)
+    camera = framed(settings.camera(), moving, tool=tool)
     camera = clearest(above_words(camera, high, WORDS), bodies, hiding)
     painter = _Painter(robot, places, world, camera, tools)
     pictures = painted(lambda i: painter.paint(result, i), shown, tell)
@@ -131,8 +131,8 @@ def _bodies(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return robot and person of a frame as balls (n, 4) [m]."""
     centers = sphere_centers(robot, result.q[frame])
-    own = np.column_stack([centers, robot.spheres[:, 3]])
-    return own, beads(result.capsules[frame], 16)
+    balls = np.column_stack([centers, robot.spheres[:, 3]])
+    return balls, beads(result.capsules[frame], 16)
 
 
 def tool_line(robot: Robot, path: np.ndarray) -> np.ndarray:

@@ -142,8 +142,8 @@ def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:
     seen = body.points()[:, list(VIEWS[cut.normal][0])]
     shown = np.isfinite(cut.fields["combined"])
     limits = []
-    for axis, (places, own) in enumerate(((cut.x, 0), (cut.y, 1))):
-        filled = places[shown.any(axis=own)]
+    for axis, (places, other) in enumerate(((cut.x, 0), (cut.y, 1))):
+        filled = places[shown.any(axis=other)]
         low = min(filled.min(initial=np.inf), seen[:, axis].min()) - 0.05
         limits.append((low, max(filled.max(initial=low), seen[:, axis].max()) + 0.05))
     return limits

@@ -68,9 +68,9 @@ def base_height(robot: Robot) -> float:
 
     On the floor where its own fixed part is tall, else on a table.
     """
-    own = robot.link_body[robot.shell_link] == 0
+    of_base = robot.link_body[robot.shell_link] == 0
     top = 0.0
-    for i in np.flatnonzero(own):
+    for i in np.flatnonzero(of_base):
         part = robot.shell_points[robot.shell_ptr[i] : robot.shell_ptr[i + 1]]
         top = max(top, float(part[:, 2].max()))
     return 0.0 if top > TALL_BASE else TABLE
@@ -125,8 +125,8 @@ def fine_workspace(meeting: Meeting, cell: float) -> InteractionWorkspace:
 def layer_at(meet: InteractionWorkspace, axis: int, at: float) -> int:
     """Return the layer of cells across an axis that holds a world coordinate."""
     grid = meet.grid
-    own = at - meet.settings.T_world_base[axis, 3]
-    layer = int(np.floor((own - grid.origin[axis]) / grid.cell))
+    local = at - meet.settings.T_world_base[axis, 3]
+    layer = int(np.floor((local - grid.origin[axis]) / grid.cell))
     return min(max(layer, 0), grid.shape[axis] - 1)
 
 

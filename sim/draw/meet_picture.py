@@ -122,8 +122,8 @@ class _Scene:
         """Return the layer of cells that is cut and where its middle is [m]."""
         grid = self.fine.grid
         layer = layer_at(self.fine, normal, self.at[normal])
-        own = grid.origin[normal] + (layer + 0.5) * grid.cell
-        return layer, own + self.fine.settings.T_world_base[normal, 3]
+        middle = grid.origin[normal] + (layer + 0.5) * grid.cell
+        return layer, middle + self.fine.settings.T_world_base[normal, 3]
 
     def cut(self, normal: int) -> np.ndarray:
         """Return the best quality in the layer, up by across."""

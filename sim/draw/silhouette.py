@@ -79,9 +79,9 @@ def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
     """Return the Silhouette of a robot, its base too."""
     frames, solids = body_frames(robot, np.asarray(q, float)), []
     for i, link in enumerate(robot.shell_link):
-        own = slice(robot.shell_ptr[i], robot.shell_ptr[i + 1])
+        rows = slice(robot.shell_ptr[i], robot.shell_ptr[i + 1])
         T = T_world_base @ frames[robot.link_body[link]]
-        solids.append(moved_points(robot.shell_points[own], T))
+        solids.append(moved_points(robot.shell_points[rows], T))
     return Silhouette(polytopes=solids)
 
 

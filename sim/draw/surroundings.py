@@ -23,8 +23,8 @@ def scene_of(planner: ReactivePlanner) -> list[shapes.Shape]:
 
 def standing_of(planner: ReactivePlanner) -> list[shapes.Shape]:
     """Return the shapes of a planner's map and scene, world frame; no half-spaces."""
-    own = [shape for _, shape in planner.cell_map.scenery.shapes()]
-    return own + scene_of(planner)
+    fixed = [shape for _, shape in planner.cell_map.scenery.shapes()]
+    return fixed + scene_of(planner)
 
 
 def all_triangles(found: Iterable[shapes.Shape]) -> np.ndarray:

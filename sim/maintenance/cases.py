@@ -28,7 +28,7 @@ from sim.story.cases import (
     upright,
 )
 from sim.story.cases import story_wrench as whole_wrench
-from sim.story.grasping import box_of, held_farther_out
+from sim.story.hand import box_of, held_farther_out
 from sim.story.request import ARMAR3, PANDA
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
@@ -157,13 +157,13 @@ def wrench_of(size: float) -> HeldObject:
 
 def pads_at(robot: Robot, asked: Sequence[str], at: WorkPlace) -> tuple[str, ...]:
     """Return the links that may touch a tool: as asked, or the work place's."""
-    own = gripper_links(robot)
-    if not asked and not own.issuperset(at.pads):
+    carried = gripper_links(robot)
+    if not asked and not carried.issuperset(at.pads):
         raise BadInput(
             f"the map is of {robot.name}, whose tool carries no link {at.pads[0]!r}, "
             f"which touches the tools at this work place ({at.recipe}); leave --robot, "
             "or say which links may touch them with `--pads LINK`, of "
-            f"{', '.join(sorted(own))}"
+            f"{', '.join(sorted(carried))}"
         )
     return pads_of(robot, asked or at.pads)
 

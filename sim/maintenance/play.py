@@ -116,7 +116,7 @@ class MaintenancePlay:
             if self._paused >= s.uses_s * RATE and still:
                 self._next()
         elif run.index >= self._limit_s * RATE:
-            self._stop(f"{self._told()} was not over after {self._limit_s:g} s")
+            self._stop(f"{self._title()} was not over after {self._limit_s:g} s")
         self.result.seconds = self.now
         return moment
 
@@ -144,7 +144,7 @@ class MaintenancePlay:
         run = self.run
         trouble = trouble_of(run, self.settings.at_rest)
         if trouble:
-            self._stop(f"{self._told()}: {trouble}")
+            self._stop(f"{self._title()}: {trouble}")
             return
         if not self._left:
             self.ended, self.result.whole = True, True
@@ -154,10 +154,10 @@ class MaintenancePlay:
     def _stop(self, reason: str) -> None:
         self.ended, self.result.reason = True, reason
 
-    def _told(self) -> str:
+    def _title(self) -> str:
         run = self.run
-        way = "giving" if run.case.direction == "give" else "taking back"
-        return f"{way} the {run.setup.obj.name}"
+        doing = "giving" if run.case.direction == "give" else "taking back"
+        return f"{doing} the {run.setup.obj.name}"
 
 
 def trouble_of(run: StoryPlay, at_rest: float = CycleSettings.at_rest) -> str:

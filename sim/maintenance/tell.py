@@ -22,8 +22,7 @@ from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
 from sim.maintenance.record import CycleRecorder
 from sim.people.whole_person import BASE_HEIGHT
 from sim.story.cases import slow_to_stop
-from sim.story.play import StoryMoment, StoryPlay
-from sim.story.rehearsal import rehearse
+from sim.story.play import StoryMoment, StoryPlay, rehearse
 from sim.story.request import PANDA, DemoRequest
 from sim.story.tell import figures_of, line_of, wrist_of, written
 from sim.tables.header import header

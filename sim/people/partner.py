@@ -263,19 +263,19 @@ class Partner:
 
         Where the arm would hang in what was given the hand waits, drawn back.
         """
-        T, ways = self.human.T_world_hand(self.side), [[self._rest]]
+        T, paths = self.human.T_world_hand(self.side), [[self._rest]]
         for back in (2.0 * _BACK, _BACK):
             before = self._drawn_back(T, self.arm, back)
             if len(before):
-                ways.insert(0, [before[0], self._rest])
-        able = [w for w in ways if self._passes(w)]
-        way = next((w for w in able if self._clears(w)), None)
-        self._waits = way is None
-        if way is None:
+                paths.insert(0, [before[0], self._rest])
+        able = [w for w in paths if self._passes(w)]
+        path = next((w for w in able if self._clears(w)), None)
+        self._waits = path is None
+        if path is None:
             parts = ([q] for far in _BACKS for q in self._drawn_back(T, self.arm, far))
             good = (w for w in parts if self._passes(w) and self._clears(w))
-            way = next(good, (able or ways)[0])
-        first, *then = way
+            path = next(good, (able or paths)[0])
+        first, *then = path
         self._go(now, first)
         self._then = then[0] if then else None
 

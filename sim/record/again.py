@@ -116,8 +116,8 @@ def recipe_of(record: RunRecord) -> Recipe:
 def robot_of(record: RunRecord) -> Robot:
     """Return the robot of a recording: no URDF is needed."""
     arrays = record.arrays.items()
-    own = {k.removeprefix("robot."): a for k, a in arrays if k.startswith("robot.")}
-    return Robot.from_store(record.head["robot"], own)
+    robot = {k.removeprefix("robot."): a for k, a in arrays if k.startswith("robot.")}
+    return Robot.from_store(record.head["robot"], robot)
 
 
 def build_again(

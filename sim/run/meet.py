@@ -120,8 +120,8 @@ class MeetSetup:
         human = person.human(0.0)
         live = self.live(human, side)
         loop = MeetLoop(live, self.rest, person, settings, dwell_s)
-        told = self.cell_map, self.index, LIVE.from_rest
-        audit = TargetAudit(self.meet(human, side), *told)
+        args = self.cell_map, self.index, LIVE.from_rest
+        audit = TargetAudit(self.meet(human, side), *args)
         set_up_scene(audit.planner, self.scene)
         return loop, audit
 
@@ -267,9 +267,9 @@ def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
 
 def _folder_names(robot: Robot) -> Iterator[str]:
     yield robot.name
-    own = f"{robot.name}_{robot.tip_name}".replace("/", "_")
-    yield own
-    yield from (f"{own}_{k}" for k in count(2))
+    name = f"{robot.name}_{robot.tip_name}".replace("/", "_")
+    yield name
+    yield from (f"{name}_{k}" for k in count(2))
 
 
 def judge_sometimes(

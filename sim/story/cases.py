@@ -28,21 +28,14 @@ from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
-from sim.people.whole_person import BASE_HEIGHT, LOOKED_AT
-from sim.story.grasping import (
-    Reach,
-    Reaches,
-    box_of,
-    held_farther_out,
-    is_valid,
-    quarter_turns,
-    straight_back,
-)
+from sim.people.whole_person import BASE_HEIGHT, FAR, LOOKED_AT, NEAR
+from sim.run.meet import GRASPS
+from sim.story.grasping import Reach, Reaches, straight_back
+from sim.story.hand import box_of, held_farther_out, is_valid, quarter_turns
 from sim.story.settings import AT_PLACE, PARTNER, StorySettings
 
-NEAR, FAR, ASIDE = 0.6, 1.3, 60.0  # [m], [m], [deg] where people stand
+ASIDE = 60.0  # [deg] where people stand, at most
 HEIGHTS = 1.5, 1.95  # [m]
-GRASPS = 8  # of the person
 JAW = 0.13  # [m] from the tool to the middle of the wrench: held by its jaw's tip
 SPEED = 0.7  # share of the joints' speed limits that the robot uses
 RATE = 100.0  # frames per second
@@ -218,8 +211,8 @@ class StorySetup:
         comes = _comes(planner.robot, threat)[1]
         spare = min(max(LIVE.spare_m, comes), _MOST_SPARE)
         settings = replace(LIVE, spare_m=spare)
-        told = self.meet(human), self.rest, self.index, settings
-        return LiveTargets(planner, *told)
+        args = self.meet(human), self.rest, self.index, settings
+        return LiveTargets(planner, *args)
 
 
 def _comes(robot: Robot, threat: ThreatSettings | None) -> tuple[float, float]:
@@ -233,10 +226,10 @@ def _berth(robot: Robot) -> float:
     A robot that is slow to stop creeps beside somebody near its path, until its
     patience ends; a quick one needs no more than by default.
     """
-    own, comes = PlannerSettings().history_clearance, _comes(robot, None)[1]
+    usual, comes = PlannerSettings().history_clearance, _comes(robot, None)[1]
     if comes <= LIVE.spare_m:
-        return own
-    return min(own + _WIDER * comes, _WIDEST)
+        return usual
+    return min(usual + _WIDER * comes, _WIDEST)
 
 
 def grasp_spare(robot: Robot) -> float:
@@ -340,15 +333,15 @@ def other_places(setup: StorySetup) -> np.ndarray:
     obj, scenery = setup.obj, setup.cell_map.scenery
     thing = carried_object(box_of(obj))
     grasps = quarter_turns(obj.T_tool_object, obj.turns)
-    own, planner, found = setup.T_place, setup.planner(), []
-    on = carries(scenery, obj.capsules, own)
+    T_place, planner, found = setup.T_place, setup.planner(), []
+    on = carries(scenery, obj.capsules, T_place)
     beside = grasps, BACK, thing, obj.capsules, StorySettings().room, on, AT_PLACE
     reaches = Reaches(planner, setup.index, *beside)
     for turn in np.radians(_OTHERS):
         for nearer in _NEARER:
-            T = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ own
+            T = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ T_place
             T[:2, 3] *= nearer
-            near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (own, *found)]
+            near = [np.linalg.norm(T[:2, 3] - one[:2, 3]) for one in (T_place, *found)]
             if min(near) < _APART or carries(scenery, obj.capsules, T) != on:
                 continue
             if reaches.first(T, setup.rest):
@@ -375,8 +368,8 @@ def setup_of(
     index = NodeIndex(robot, cell_map.roadmap.nodes)
     if obj is None:
         planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
-        told = story_wrench(), index.nodes, grasp_spare(robot)
-        obj = held_farther_out(planner, *told)
+        args = story_wrench(), index.nodes, grasp_spare(robot)
+        obj = held_farther_out(planner, *args)
     cell_map = with_room_for(cell_map, obj)
     rest = rest_of(ReactivePlanner(cell_map), index, obj)
     setup = StorySetup(cell_map, reach, obj, index, rest, pads=pads)
@@ -420,8 +413,8 @@ def own_object(
     moved = np.inf
     for spare in (grasp_spare(robot), LIVE.spare_m):  # a slow one creeps with less
         if moved > _MOST_MOVED:
-            told = obj, cell_map.roadmap.nodes, max(spare, LIVE.spare_m)
-            held = held_farther_out(planner, *told)
+            args = obj, cell_map.roadmap.nodes, max(spare, LIVE.spare_m)
+            held = held_farther_out(planner, *args)
             moved = held.T_tool_object[2, 3] - obj.T_tool_object[2, 3]
     if moved > _MOST_MOVED:
         raise BadInput(
@@ -437,20 +430,20 @@ def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:
 
     Without `names` those with "finger", "thumb" or "pad" in theirs.
     """
-    own = sorted(gripper_links(robot))
+    carried = sorted(gripper_links(robot))
     likely = (n for n in robot.link_names if any(word in n.lower() for word in _PADS))
-    pads = tuple(names or (n for n in likely if n in own))
+    pads = tuple(names or (n for n in likely if n in carried))
     if not pads:
         raise BadInput(
             f"{robot.name}'s tool carries no link with 'finger', 'thumb' or 'pad' in "
             "its name, so nothing could be grasped; say which may touch an object with "
-            f"`--pads LINK`, of {', '.join(own)}"
+            f"`--pads LINK`, of {', '.join(carried)}"
         )
     for name in names:
-        if name not in own:
+        if name not in carried:
             raise BadInput(
                 f"--pads {name}: {robot.name}'s tool carries no such link; choose from "
-                f"{', '.join(own)}"
+                f"{', '.join(carried)}"
             )
     return pads
 
@@ -515,8 +508,8 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
                     before = straight_back(planner, T, q, BACK)
                     if before is None or audit(before, there) < settings.apart:
                         continue
-                    way = planner.frame.difference(q, before)
-                    if not held[k].motion_free(q, way):  # the object would not pass
+                    dq = planner.frame.difference(q, before)
+                    if not held[k].motion_free(q, dq):  # the object would not pass
                         continue
                 return InReach(target, q)
     return None

@@ -84,6 +84,7 @@ class Berth:
         room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly,
             until it stood braked on a way that was free.
         clearance: What every robot keeps [m].
+        period: Time between two frames [s].
         stop_s, comes: How long its shortest stop takes, a frame included [s], and how
             much nearer somebody may come meanwhile [m].
         told: The least growth of the person's parts, as told last [m].
@@ -91,9 +92,10 @@ class Berth:
 
     def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
         how = executor.settings, executor.period, threat
+        self.period = executor.period
         self.stop_s, comes = slowest_stop(executor.robot, *how)
         self.comes = comes
-        self._own = min(comes, _WIDEST) if comes > QUICK else 0.0
+        self._usual = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
         self._larger = False  # whether any part was larger, as told last
@@ -101,13 +103,30 @@ class Berth:
 
     def begin(self) -> None:
         """Try anew, with another goal."""
-        self.room = self._own
+        self.room = self._usual
         self._level, self._left, self._again = 0, 0, _LESS_FOR
         self._held = 0  # frames in a row
 
+    def why_too_rare(self, most: float) -> str:
+        """Return what to do about frames too rare to close on an object; or empty.
+
+        `most` is how much nearer somebody may come before the robot stands [m].
+        """
+        if self.comes <= most:
+            return ""
+        return (
+            f"with a frame every {1e3 * self.period:.0f} ms it stands "
+            f"{1e3 * self.stop_s:.0f} ms after what it saw, and by then what is held "
+            f"out may have come {100 * self.comes:.1f} cm nearer (limit "
+            f"{100 * most:.1f} cm): give frames more often, the robot's own limits of "
+            "acceleration and jerk, or, for people who hold still, "
+            "StorySettings(threat=ThreatSettings(acceleration=...)); or hold it still "
+            "between the fingers"
+        )
+
     def widen(self, room: float) -> None:
         """Keep at least `room` [m] from now on, until `begin`."""
-        self.room = max(self._own, room)
+        self.room = max(self._usual, room)
 
     def around(
         self,

@@ -1,14 +1,26 @@
-"""What a hand-over sees and feels in one frame, checked where it is given."""
+"""What a hand-over sees and feels in one frame: checked where it is given, worked out.
 
+`Sight` finds out who and what is there, how it moves, and where it may be soon.
+"""
+
+import math
+from collections import deque
 from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
 
+from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
+from odm.execution.threat import Threat, Watcher
+from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap
 from roadmap.ranges import check_kind
+from sim.story.hand import Hand
+from sim.story.settings import ConductSettings
 
+_WORDS = {int(part): part.words for part in Part}
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 
@@ -108,3 +120,163 @@ def _as_pose(T: np.ndarray) -> np.ndarray | None:
     near = np.array(T)
     near[:3, :3] = u @ v
     return near
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A frame, worked out.
+
+    Attributes:
+        frame: What was given.
+        there: All shapes: the person's parts, then the object's where it is `loose`.
+        threat: Where they may be soon; None: there are no shapes.
+        people: How many of the shapes are the person's: they come first.
+        labels: (people,) `handover.Part` of each.
+        hand, arm: Which of them are the hand, and the arm, that takes part.
+        obj: (k, 7) the object's capsules [m]; None: it is not seen.
+        loose: Whether the object is a thing by itself: it is seen, not held, and
+            nothing is between the fingers, which what is there moves with.
+        hand_gap: From the receiving hand to the object [m].
+        object_speed: [m/s].
+        dt: Time since the frame before, as far as it counts [s].
+    """
+
+    frame: StoryFrame
+    there: Obstacles
+    threat: Threat | None
+    people: int
+    labels: np.ndarray
+    hand: np.ndarray
+    arm: np.ndarray
+    obj: np.ndarray | None
+    loose: bool
+    hand_gap: float
+    object_speed: float
+    dt: float
+
+    @property
+    def person(self) -> np.ndarray:
+        """(k, 7) the person's capsules, base frame [m]."""
+        return self.there.capsules[: self.people]
+
+    @property
+    def hands(self) -> np.ndarray:
+        """(k, 7) those of the hand that takes part [m]."""
+        return self.there.capsules[self.hand]
+
+
+class Sight:
+    """Works out one frame after another.
+
+    Args:
+        hand: The robot's, with the story's settings; what it holds is not looked for.
+        conduct: How frames are read.
+        side: Which hand of the person takes part.
+    """
+
+    def __init__(self, hand: Hand, conduct: ConductSettings, side: str) -> None:
+        self.hand, self.conduct, self.side = hand, conduct, side
+        self.settings = hand.settings
+        self._watcher = Watcher(hand.settings.threat)
+        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
+        self._alone_s = 0.0  # for how long nobody could get to the object
+        # labels as bytes, the parts that are the hand, the arm, words for all parts
+        self._parts: tuple[bytes, np.ndarray, np.ndarray, list[str]] | None = None
+
+    def look(self, frame: StoryFrame, dt: float) -> Seen:
+        """Work out a frame, `dt` [s] after the one before."""
+        rows, labels = frame.person()
+        hand, arm, words = self.parts(labels)
+        obj = self.hand.capsules(frame.T_base_object)
+        # what the fingers hold moves with them, whether it counts as taken or not
+        loose = obj is not None and not self.hand.holding and not frame.holds
+        there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
+        there.labels = {"capsules": words[: len(there)]}
+        everything = there.capsules
+        threat = self._watcher.look(everything, frame.now) if len(everything) else None
+        speed = self.speed_of_object(frame)
+        if loose:
+            threat = self._as_it_stands(frame, threat, obj, speed, dt)
+        near = rows[hand]
+        gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
+        who = threat, len(rows), labels, hand, arm
+        return Seen(frame, there, *who, obj, loose, gap, speed, dt)
+
+    def parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Return which capsules are the hand, and the arm, that takes part.
+
+        And what reasons call the person's parts (n,), and the object's behind them.
+        """
+        known = self._parts
+        if known is None or known[0] != labels.tobytes():
+            hand = np.flatnonzero(labels == ARM_LABELS[self.side][0])
+            arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self.side]))
+            words = [_WORDS.get(label, "") for label in labels.tolist()]
+            words += ["the object"] * len(self.hand.obj.capsules)
+            known = self._parts = labels.tobytes(), hand, arm, words
+        return known[1:]
+
+    def _as_it_stands(
+        self,
+        frame: StoryFrame,
+        threat: Threat,
+        obj: np.ndarray,
+        speed: float,
+        dt: float,
+    ) -> Threat:
+        """Return the threat of all shapes, the object's (k, 7) last.
+
+        An object that stands in its place, or where it was put down, is not expected to
+        start off before somebody can have reached it: beside it the robot need not
+        creep, least of all one that is slow to stop (decision 0099).
+        """
+        at, T, s = self.hand.stands_at, frame.T_base_object, self.settings
+        still = at is not None and _length(T[:3, 3] - at) < s.between
+        still = still and speed < s.still_speed
+        time, these = 0.0, slice(len(threat.error) - len(obj), None)
+        if still:
+            time = self._unreached_for(threat.of(slice(these.start)), obj)
+        window = 0.0 if threat.window is None else float(threat.window[these].max())
+        self._alone_s = self._alone_s + dt if time >= dt and still else 0.0
+        return threat.left_alone(these, time) if self._alone_s > window else threat
+
+    def _unreached_for(self, person: Threat, obj: np.ndarray) -> float:
+        """Return how long nobody can get to an object (k, 7) from now on [s]."""
+        balls, person = covering_balls(obj), person.as_lately()
+        for time in self.conduct.untouched:
+            rows, more = person.between(0.0, time)
+            if not more and (ball_gaps(balls, rows.capsules) > 0.0).all():
+                return time
+        return 0.0
+
+    def speed_of_object(self, frame: StoryFrame) -> float:
+        """Return how fast the object goes on [m/s]; a hand that trembles is still."""
+        T, past, now = frame.T_base_object, self._object_was, frame.now
+        if T is None or (past and not now >= past[-1][0]):  # or the clock went back
+            past.clear()
+        if T is None:
+            return 0.0
+        past.append((now, T[:3, 3].copy()))
+        while past[0][0] < now - self.conduct.goes_on_s - 1e-6:
+            past.popleft()
+        (since, there), (now, here) = past[0], past[-1]
+        return _length(here - there) / (now - since or 1.0)
+
+
+def smallest_gap(hand: np.ndarray, obj: np.ndarray) -> float:
+    """Return the distance of hand and object, both (k, 7) capsules [m]."""
+    return min(capsule_gap(a, b) for a in hand for b in obj)
+
+
+def covering_balls(rods: np.ndarray) -> np.ndarray:
+    """Return 8 balls for each of some capsules (k, 7) that hold it, as (8 k, 4)."""
+    n = 8
+    balls = beads(rods, n)
+    half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
+    balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))
+    return balls
+
+
+def _length(v: np.ndarray) -> float:
+    """Return the length of a vector (3,), to the last bit that of np.linalg.norm."""
+    return math.sqrt(v @ v)

@@ -1,25 +1,22 @@
 """Where the robot grasps an object that somebody holds out, found a little a frame."""
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from handover.meet.held_object import HeldObject
+from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
 from odm.checks import OBJECT
 from odm.close_test.static import StaticTest
-from odm.frame.freedom import check_valid
-from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
-from roadmap.kinematics.forward import cover_balls, tool_pose
-from roadmap.robot.robot import Robot
-from roadmap.transforms import pose_with, rotation_rpy
-from sim.story.settings import GraspingSettings
+from roadmap.kinematics.forward import cover_balls, difference
+from sim.story.frame import Seen
+from sim.story.hand import is_valid
+from sim.story.phase import PhasePlanner
+from sim.story.settings import ConductSettings, GraspingSettings, StorySettings
 
 _GRASPING = GraspingSettings()
 
@@ -44,20 +41,6 @@ class Reach:
     room: float = np.inf
 
 
-def quarter_turns(T_tool_object: np.ndarray, n: int = 4) -> np.ndarray:
-    """Return a grasp in n turns about the tool's z, by quarters for 4, (n, 4, 4)."""
-    turns = [rotation_rpy(0.0, 0.0, 2.0 / n * np.pi * k) for k in range(n)]
-    return np.array([pose_with(R) @ T_tool_object for R in turns])
-
-
-def box_of(obj: HeldObject) -> Shape:
-    """Return a box that holds an object's capsules, in its frame."""
-    ends = np.vstack([obj.capsules[:, :3], obj.capsules[:, 3:6]])
-    radii = np.tile(obj.capsules[:, 6], 2)[:, None]
-    low, high = (ends - radii).min(axis=0), (ends + radii).max(axis=0)
-    return Box(high - low, pose_with(np.eye(3), 0.5 * (low + high)))
-
-
 def straight_back(
     planner: ReactivePlanner,
     T_base_tool: np.ndarray,
@@ -73,157 +56,6 @@ def straight_back(
             if is_valid(planner, found):
                 return found
     return None
-
-
-def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
-    """Whether q can be a goal at all; `bare`: with nothing in the hand."""
-    try:
-        check_valid(planner.carrier.bare if bare else planner.static, q, "it")
-    except BadConfiguration:
-        return False
-    return True
-
-
-class TooNear(NamedTuple):
-    """A link that is too near to an object in the hand, however it is grasped."""
-
-    link: str
-    gap: float  # [m] of its cover from the object
-    keeps: float  # [m] it must keep: the pads alone may touch the object
-
-
-def too_near(
-    planner: ReactivePlanner,
-    grasps: np.ndarray,
-    capsules: np.ndarray,
-    nodes: np.ndarray,
-    spare: float = 0.0,
-) -> TooNear | None:
-    """Return a link that is too near to an object, however it is grasped, or None.
-
-    Args:
-        planner: Its finger pads may touch the object. The rest of the hand keeps 1 cm,
-            the arm its clearance.
-        grasps: (n, 4, 4) T_tool_object of the grasps that will do.
-        capsules: (k, 7) the object's, object frame [m].
-        nodes: (n, dof) where the arm is looked at [rad or m].
-        spare: More distance that is asked for [m].
-    """
-    robot, links = planner.robot, planner.cover().links
-    own, pads = gripper_links(robot), planner.settings.finger_pads
-    middle = 0.5 * (robot.lower + robot.upper)  # wherever it is: the hand is the same
-    for part, keeps, where in (
-        ([n in own and n not in pads for n in links], GRIPPER_KEEPS, middle[None]),
-        (
-            [n not in own for n in links],
-            _arm_keeps(planner),
-            nodes[: _GRASPING.looked_at],
-        ),
-    ):
-        which, keeps = np.flatnonzero(part), keeps + spare
-        gap, ball = _most_room(robot, which, grasps, capsules, where, keeps)
-        if gap < keeps:
-            return TooNear(links[ball], gap, keeps)
-    return None
-
-
-def has_room(
-    planner: ReactivePlanner, thing: object, T_tool_object: np.ndarray
-) -> bool:
-    """Whether the map of a planner has room for an object so held, (4, 4) [m]."""
-    try:
-        planner.carrier.fitting(thing, T_tool_object)
-    except BadInput:
-        return False
-    return True
-
-
-def with_room(
-    planner: ReactivePlanner, thing: object, grasps: np.ndarray
-) -> np.ndarray:
-    """Return those grasps (n, 4, 4) for which the planner's map has room.
-
-    Raises:
-        BadInput: For none of them; both sizes are named.
-    """
-    kept = [T for T in grasps if has_room(planner, thing, T)]
-    if not kept:
-        planner.carrier.fitting(thing, grasps[0])  # which says what it lacks
-    return np.array(kept)
-
-
-def check_grasps(
-    planner: ReactivePlanner,
-    grasps: np.ndarray,
-    capsules: np.ndarray,
-    nodes: np.ndarray,
-) -> None:
-    """Refuse an object that a link is too near to, by name; see `too_near`."""
-    found = too_near(planner, grasps, capsules, nodes)
-    if found is not None:
-        raise BadInput(
-            f"{found.link} is {1e3 * found.gap:.0f} mm from the object where it is "
-            f"grasped, but must keep {1e3 * found.keeps:.0f} mm, since the pads alone "
-            "may touch it; give a grasp T_tool_object that holds it farther out along "
-            "the tool's z (HeldObject.held_by)"
-        )
-
-
-def held_farther_out(
-    planner: ReactivePlanner,
-    obj: HeldObject,
-    nodes: np.ndarray,
-    spare: float = 0.0,
-) -> HeldObject:
-    """Return an object as it is held, or farther out where a link is too near to it.
-
-    Along the tool's z, by what hand and arm have to keep from it and `spare` [m]; as it
-    is where `most_out` is too little. Planner and nodes as in `too_near`.
-    """
-    T = np.array(obj.T_tool_object)
-    for _ in range(_GRASPING.out_steps):
-        found = too_near(
-            planner, quarter_turns(T, obj.turns), obj.capsules, nodes, spare
-        )
-        if found is None:
-            return obj.held_by(T)
-        T[2, 3] += found.keeps - found.gap + _GRASPING.more
-        if T[2, 3] - obj.T_tool_object[2, 3] > _GRASPING.most_out:
-            break
-    return obj
-
-
-def _arm_keeps(planner: ReactivePlanner) -> float:
-    """Return what the arm keeps from an object in the last phase [m]."""
-    return planner.cell_map.safety.m + planner.extra
-
-
-def _most_room(
-    robot: Robot,
-    which: np.ndarray,
-    grasps: np.ndarray,
-    capsules: np.ndarray,
-    nodes: np.ndarray,
-    enough: float,
-) -> tuple[float, int]:
-    """Return what some balls keep from a grasped object [m], and the nearest of them.
-
-    At the node and with the grasp that leave most; the first ones that leave `enough`.
-    """
-    best, nearest = -np.inf, -1
-    if not len(which):
-        return np.inf, nearest
-    for q in nodes:
-        balls = cover_balls(robot, q)[robot.moving][which]
-        T = tool_pose(robot, q)
-        for grasp in grasps:
-            gaps = ball_gaps(balls, moved_rods(capsules, T @ grasp)).min(axis=1)
-            k = int(gaps.argmin())
-            if gaps[k] > best:
-                best, nearest = float(gaps[k]), int(which[k])
-            if best >= enough:
-                return best, nearest
-    return best, nearest
 
 
 class Reaches:
@@ -325,8 +157,8 @@ class Reaches:
         self, grasps: range, near: list[tuple[int, np.ndarray]], q: np.ndarray
     ) -> list[tuple[int, int | np.ndarray]]:
         """Return the starts for some grasps: found before, q (dof,), near nodes."""
-        seeds = [(own, seed) for own, seed in near if own in grasps]
-        seeds += [(g, seed) for own, seed in near for g in grasps if g != own]
+        seeds = [(known, seed) for known, seed in near if known in grasps]
+        seeds += [(g, seed) for known, seed in near for g in grasps if g != known]
         seeds += [(g, np.array(q)) for g in grasps]
         nodes = ((g, k) for k in range(self.settings.seeds) for g in grasps)
         return [*seeds, *nodes]
@@ -398,6 +230,11 @@ class Reaches:
     def over(self) -> bool:
         """Whether all has been tried."""
         return not self._queue or len(self.found) >= self.settings.kept
+
+    def is_ready(self, goal: np.ndarray) -> bool:
+        """Whether setting a goal is cheap now, or preparing it would not help."""
+        few = self.planner.settings.cached_goals < 2 * self.settings.kept
+        return few or self.planner.is_prepared(goal)
 
     def drop(self, reach: Reach) -> None:
         """Leave one out: it is blocked."""
@@ -485,6 +322,144 @@ class Reaches:
         if self._on is not None and not bare.motion_free(q, dq):
             return False
         return test.motion_free(q, dq)
+
+
+class Offer:
+    """What somebody holds out: the grasps that are known, and the one that is gone to.
+
+    Args:
+        view: The planner, by the rules of the phase.
+        reaches: Looks for grasps of it.
+        settings, conduct: See `sim.story.settings`.
+        allowance: What a frame may yet do.
+
+    Attributes:
+        taken: How it is grasped, or was; None: that is not known.
+        tried: How often no motion to it was free, in a row.
+    """
+
+    def __init__(
+        self,
+        view: PhasePlanner,
+        reaches: Reaches,
+        settings: StorySettings,
+        conduct: ConductSettings,
+        allowance: Allowance,
+    ) -> None:
+        self.view, self.reaches, self.allowance = view, reaches, allowance
+        self.settings, self.conduct = settings, conduct
+        self.taken: Reach | None = None
+        self.tried = 0
+        self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
+        self._out_of_line = False  # the straight motion does not lead to it any more
+        self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
+        self._braked = 0  # frames for which it has been braked on its way
+        self._due = True  # whether grasps are looked for again, once there is time
+
+    def forget(self, blocked: bool) -> None:
+        """Choose anew how it is grasped; `blocked`: no motion to it was free."""
+        self.tried = self.tried + 1 if blocked else 0
+        if blocked and self._out_of_line:
+            self.reaches.outdate()  # it has turned, or moved a little: anew for there
+        elif blocked and self.taken is not None:
+            self.reaches.drop(self.taken)
+        self.taken, self._out_of_line = None, False
+
+    def moved(self, T: np.ndarray | None) -> bool:
+        """Whether it is at T (4, 4), away from where its grasps were found for."""
+        at = self.reaches.at
+        if T is None or at is None:
+            return T is not None and at is None
+        off = T[:3, 3] - at
+        return math.sqrt(off @ off) > self.settings.follow
+
+    def follow(self, T: np.ndarray, q: np.ndarray) -> None:
+        """Look anew for grasps of it at T (4, 4), for a robot at q (dof,)."""
+        self.allowance.spend(self.allowance.takes.reach)
+        self.reaches.begin(T, q)
+        self.taken = None
+
+    def in_order(self, seen: Seen, q: np.ndarray, looks: bool) -> list[Reach]:
+        """Return the grasps that may be gone to from q (dof,), the best first.
+
+        `looks`: whether there is time to test a straight motion.
+        """
+        reaches = self.reaches
+        found = [r for r in reaches.found if reaches.is_ready(r.q_before)]
+        if looks:
+            self.look_along(seen, found)
+        found.sort(key=lambda r: (not self._leads_on(r), self._far(q, r.q_before)))
+        return found
+
+    def look_along(self, seen: Seen, found: list[Reach]) -> None:
+        """Test the straight motion of one grasp, of that looked at longest ago."""
+        known = {id(reach): k for k, (reach, _) in enumerate(self._free_lines)}
+        reach = min(found, key=lambda r: known.get(id(r), -1), default=None)
+        if reach is None:
+            self._free_lines = []
+            return
+        classes = np.array(self.view.classes)
+        classes[seen.people :] = OBJECT
+        with self.view.receiving(classes):
+            free = self.view.line_free(reach.q_before, reach.q, seen.there)
+        others = [one for one in self._free_lines if one[0] is not reach]
+        kept = [one for one in others if any(one[0] is r for r in found)]
+        self._free_lines = [*kept, (reach, free)]
+
+    def _leads_on(self, reach: Reach) -> bool:
+        """Whether the straight motion to the object was free when it was looked at."""
+        return any(free for one, free in self._free_lines if one is reach)
+
+    def _far(self, q: np.ndarray, other: np.ndarray) -> float:
+        """Return how far a configuration is, in steps: small changes do not count."""
+        off = np.abs(difference(self.view.planner.robot, q, other)).max()
+        return round(2.0 * float(off)) / 2.0
+
+    def prepare(self, braked: bool, waits: bool) -> None:
+        """Do what takes long, as far as the frame has time; `waits`: not in this one.
+
+        A robot that is braked for some frames looks for other grasps.
+        """
+        self._braked = self._braked + 1 if braked else 0
+        self._due = self._due or self._braked % self.conduct.braked_every == 0
+        for _ in range(self.allowance.frames):
+            if self._due and not waits:
+                self._due = not self._prepare()
+
+    def _prepare(self) -> bool:
+        """Do one costly thing: join a goal to the roadmap, else look for another.
+
+        Returns:
+            False where that waits for another frame.
+        """
+        reaches, takes = self.reaches, self.allowance.takes
+        waiting = (r.q_before for r in reaches.found)
+        goal = next((g for g in waiting if not reaches.is_ready(g)), None)
+        if goal is None and reaches.over:
+            return True
+        if not self.allowance.grants(takes.reach if goal is None else takes.prepare):
+            return False
+        if goal is not None:
+            self.view.planner.prepare_goal(goal)
+        else:
+            reaches.work()
+        return True
+
+    def begin_closing(self) -> None:
+        """Aim the straight motion anew."""
+        self._line = None
+
+    def end_of_line(self, T: np.ndarray) -> np.ndarray | None:
+        """Return (dof,) where the straight motion leads, the object at T (4, 4).
+
+        None: it is out of its reach.
+        """
+        line = self._line
+        if line is None or np.linalg.norm(T[:3, 3] - line[0]) > self.conduct.tracked:
+            q_end = self.reaches.moved_to(self.taken, T)
+            self._out_of_line = q_end is None
+            self._line = None if q_end is None else (T[:3, 3].copy(), q_end)
+        return None if self._line is None else self._line[1]
 
 
 def _ik(

@@ -7,61 +7,41 @@ follow a straight certified motion, close the fingers, take the object into the 
 """
 
 import math
-from collections import deque
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
-from handover.human.body import ARM_LABELS, Part
+from handover.human.body import ARM_LABELS
 from handover.targets.allowance import Allowance
 from handover.targets.live_targets import BLOCKED as OCCUPIED
 from handover.targets.live_targets import THERE, LiveTargets
-from handover.targets.put_down import BESET, BLOCKED, UNREACHED, Places, carries
-from odm.cell_map.payload import carried_object
+from handover.targets.put_down import BESET, BLOCKED
 from odm.checks import AVOID, CONTACT, OBJECT
 from odm.execution.executor import BRAKED, RETREATING, SLOWED, STANDING, Executor
 from odm.execution.speed_limit import SpeedLimit
-from odm.execution.threat import Threat, Watcher
-from odm.frame.last_phase import gripper_links
+from odm.execution.threat import Threat
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
-from roadmap.kinematics.forward import cover_balls, difference, tool_pose
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls, difference
 from roadmap.motion.motion import SetPoint
 from roadmap.ranges import settings_of
-from roadmap.transforms import check_pose
 from sim.story import machine as table
 from sim.story.comfort import Berth, comfort_rods
-from sim.story.frame import StoryFrame
-from sim.story.grasping import (
-    Reach,
-    Reaches,
-    box_of,
-    check_grasps,
-    has_room,
-    is_valid,
-    quarter_turns,
-    straight_back,
-    with_room,
-)
-from sim.story.machine import Machine, StoryEvent
+from sim.story.frame import Seen, Sight, StoryFrame, smallest_gap
+from sim.story.grasping import Offer, Reaches, straight_back
+from sim.story.hand import CLOSED, OPEN, Hand, check_grasps, with_room
+from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.phase import PhasePlanner
+from sim.story.placing import Placing, Progress, checked_places
 from sim.story.pull import PullDetector, carried_force
-from sim.story.settings import (
-    AT_PLACE,
-    HELD_AT_PLACE,
-    ConductSettings,
-    StorySettings,
-)
+from sim.story.settings import ConductSettings, StorySettings
 
-OPEN, CLOSED = "open", "closed"
-_WORDS = {int(part): part.words for part in Part}
 _HANDS = [labels[0] for labels in ARM_LABELS.values()]
 
 
@@ -73,31 +53,7 @@ class Command(NamedTuple):
     fingers: str  # "open" or "closed"
 
 
-class Step(NamedTuple):
-    """One thing to do in a state: "goal", "line", "grip", "take", "let" and others."""
-
-    kind: str
-    value: object = None
-
-
 _STAND = Step("stand")
-
-
-@dataclass
-class _Seen:
-    """The frame, worked out."""
-
-    frame: StoryFrame
-    there: Obstacles  # all shapes
-    classes: np.ndarray  # of each
-    threat: Threat | None
-    people: int  # how many of its parts are the person's: they come first
-    hands: np.ndarray  # (k, 7) capsules of the hand that takes part [m]
-    hand_gap: float  # from the receiving hand to the object [m]
-    object_speed: float  # [m/s]
-    dt: float
-    # threat, which parts are the arm, capsules, labels, which parts are the hand
-    whole: tuple[Threat | None, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class Handover:
@@ -118,9 +74,10 @@ class Handover:
         conduct: How frames are read, and their time is shared out.
 
     Attributes:
-        fingers: "open" or "closed": the command to the gripper.
         fetches: Whether it first takes the object from its place.
-        holding: Whether the object counts as being in the hand.
+        hand: The robot's, and the object in it.
+        offer: What somebody holds out, for who receives.
+        placing: Where the object is fetched from, or put down.
         answer: The last answer of the planner, or what stood for one.
 
     Raises:
@@ -141,7 +98,6 @@ class Handover:
     ) -> None:
         s = self.settings = settings_of(settings, StorySettings)
         self.conduct = conduct
-        _check_pads(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
         self.view = executor.planner
         if not isinstance(self.view, PhasePlanner):
@@ -150,77 +106,63 @@ class Handover:
                 "who may be touched; give it PhasePlanner(planner) for its planner"
             )
         executor.part_from(self.view.held_out)
-        self._T_place, self._T_others = _checked_places(T_base_place)
+        T_places = checked_places(T_base_place)
         self._give = s.direction == "give"
-        fetches = self.fetches = self._give and T_base_place is not None
+        fetches = self.fetches = self._give and len(T_places) > 0
         begin = table.FETCH if fetches else table.APPROACH
         self.machine = Machine(table.TABLES[s.direction], begin)
-        self.fingers = CLOSED if self._give and not fetches else OPEN
-        self.holding = self._give and not fetches
-        _check_hand(planner, self.holding)
-        self._lay_out(thing)
-        if self.holding and planner.attached is None:
-            planner.attach(self._carried, self._T_tool_object)
-            _check_room(planner, self._rest)
+        obj, holds = targets.meet.obj, self._give and not fetches
+        self.hand = Hand(planner, executor, obj, thing, s, holds)
+        if fetches:
+            self.hand.stands_at = T_places[0][:3, 3]
+        self._lay_out(T_places)
         self._enter()
 
-    def _lay_out(self, thing: Shape | None) -> None:
+    def _lay_out(self, T_places: np.ndarray) -> None:
         """Make what is remembered between frames."""
-        s, meet = self.settings, self.targets.meet
-        self._obj, self._side = meet.obj, meet.settings.side
-        self._carried = carried_object(box_of(meet.obj) if thing is None else thing)
-        self._T_tool_object = np.array(meet.obj.T_tool_object)
+        s, conduct, planner, hand = self.settings, self.conduct, self.planner, self.hand
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
-        self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
-        self._watcher = Watcher(s.threat)
+        self._limit = SpeedLimit(planner.robot, s.speed) if s.slow else None
         self._berth = Berth(self.executor, s.threat)
-        grasps = quarter_turns(meet.obj.T_tool_object, meet.obj.turns)
-        index = self.targets.finder.index
-        if not self._give or self._T_place is not None:
-            grasps = with_room(self.planner, self._carried, grasps)
+        self._allowance = Allowance.lasting(self.executor.period)
+        index, capsules = self.targets.finder.index, hand.obj.capsules
+        if not self._give or len(T_places):
+            hand.grasps = with_room(planner, hand.carried, hand.grasps)
             # what is in the hand already may lie in it: nobody has to close on that
-            check_grasps(self.planner, grasps, meet.obj.capsules, index.nodes)
-        thing = None if self._give else self._carried
-        beside = meet.obj.capsules, max(s.room, self._berth.room)
-        self._grasps = grasps
-        placeable = self._placeable(grasps)  # the others are taken where none reaches
-        in_order = grasps[np.argsort(~placeable, kind="stable")]
-        told = self.planner, index, in_order, s.back, thing
-        first = int(placeable.sum()) or None
-        self._reaches = Reaches(*told, *beside, first=first)
-        self._taken: Reach | None = None
-        self._free_lines: list[tuple[Reach, bool]] = []  # looked at last comes last
-        self._tried = 0  # how often no motion to the object was free, in a row
-        self._out_of_line = False  # the straight motion does not lead to it any more
-        self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
-        self._places = Places(0)  # where it may be put down
-        self._came: tuple[float, float] = 0.0, 0.0  # when to one, hindered by then [s]
-        self._put = self._T_tool_object  # where it was put between the fingers
-        self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
+            check_grasps(planner, hand.grasps, capsules, index.nodes)
+        self.sight = Sight(hand, conduct, self.targets.meet.settings.side)
+        how = conduct, self._allowance
+        args = self.view, hand, index, self._rest, *how, T_places
+        self.placing = Placing(*args, self._why_it_stands)
+        thing = None if self._give else hand.carried
+        args = planner, index, self.placing.grasps, s.back, thing
+        beside = capsules, max(s.room, self._berth.room)
+        reaches = Reaches(*args, *beside, first=self.placing.first)
+        self.offer = Offer(self.view, reaches, s, *how)
         self._steps: list[Step] = []
         self._at = 0  # which step
         self._begun: float | None = None  # when the step began [s]
         self._farthest = 0.0  # that the hand was from the object, in this state [m]
         self._hindered_s = 0.0  # of this state, slowed or stopped for the person [s]
         self._goals: list[np.ndarray] = []
-        self._last: _Seen | None = None
-        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
-        self._told_at = -np.inf
-        self._braked = 0  # frames for which it has been braked on its way
-        self._due = True  # whether grasps are looked for again, once there is time
-        self._allowance = Allowance.lasting(self.executor.period)
-        self._arms: tuple[bytes, np.ndarray, np.ndarray] | None = None
-        self._words: list[str] = []  # what reasons call the person's parts, the object
+        self._last: Seen | None = None
+        self._expected_at = -np.inf
         self._signalled: set[str] = set()  # what held in the last frame
-        # (3,) where the object stands for itself; None: nowhere that is known
-        self._stands_at = self._T_place[:3, 3] if self.fetches else None
-        self._placeless = False  # there is no place to put the object down
-        self._why_kept = ""  # what kept it from the last place it tried
         self._clock: dict[str, float] = {}  # for how long signals have held [s]
         self._now: float | None = None  # the last frame's time [s]
         self._no_time = ""  # why none passed
         self.answer: object = None
+
+    @property
+    def fingers(self) -> str:
+        """The command to the gripper: "open" or "closed"."""
+        return self.hand.fingers
+
+    @property
+    def holding(self) -> bool:
+        """Whether the object counts as being in the hand."""
+        return self.hand.holding
 
     @property
     def state(self) -> str:
@@ -240,28 +182,30 @@ class Handover:
     @property
     def reason(self) -> str:
         """Why it is where it is, or why it does not move, as a person says it."""
-        held = getattr(self.answer, "status", "") == "holding"
-        why = getattr(self.answer, "reason", "") if held else ""
+        why = self._why_held()
         if why and self._step.kind == "targets" and not len(self.planner.goals):
             why = "no place within reach of both is known"
-        executor = self.executor
+        executor, state = self.executor, self.state
         stands = executor.reason if not why or executor.state == STANDING else ""
-        kept = self._why_kept if self.state == table.KEPT else ""
-        told = [self.machine.reason, self._weak_pull(), self._too_rare(), kept, why]
+        kept = self.placing.why_kept if state == table.KEPT else ""
+        weak = self._pull.why_weak if self._give and state == table.WAIT else ""
+        told = [self.machine.reason, weak, self._too_rare(), kept, why]
         told += [stands, self._who_touches(), self._no_time]
         return "; ".join(t for t in told if t)
 
-    def _weak_pull(self) -> str:
-        """Return what to do about a pull that does not count; empty: there is none."""
-        pull = self._pull
-        if self.state != table.WAIT or not self._give or not pull.weak:
-            return ""
-        return (
-            f"somebody pulls with {pull.weak:.1f} N, less than the "
-            f"{pull.counts_from:.1f} N that count now: pull harder, or give a smaller "
-            "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
-            "tare the sensor, or tell what the object weighs (mass_kg)"
-        )
+    def _why_held(self) -> str:
+        """Return why the planner holds the robot, as it says it; empty: it does not."""
+        held = getattr(self.answer, "status", "") == "holding"
+        return getattr(self.answer, "reason", "") if held else ""
+
+    def _why_it_stands(self) -> str:
+        """Return why it does not move, as planner or executor say it."""
+        return self._why_held() or self.executor.reason
+
+    def _balls(self) -> np.ndarray:
+        """Return (n, 4) the moving spheres of the cover, and of what is held [m]."""
+        robot = self.planner.static.robot
+        return cover_balls(robot, self.executor.set_point.q)[robot.moving]
 
     def _who_touches(self) -> str:
         """Return who is at a robot that waits for a hand, that arm apart; or empty."""
@@ -269,30 +213,20 @@ class Handover:
         if last is None or self.view.phase is None or not executor.at_rest:
             return ""
         others = np.setdiff1d(np.arange(last.people), self.view.meant)
-        robot, q = self.planner.static.robot, executor.set_point.q
-        balls = cover_balls(robot, q)[robot.moving]
-        gaps = ball_gaps(balls, last.there.capsules[others]).min(axis=0, initial=np.inf)
+        rows = last.there.capsules[others]
+        gaps = ball_gaps(self._balls(), rows).min(axis=0, initial=np.inf)
         if not (gaps < 0.0).any():
             return ""
-        word = self._words[others[gaps.argmin()]] or "somebody"
+        word = last.there.labels["capsules"][others[gaps.argmin()]] or "somebody"
         return f"{word} is at the robot: it stands until they are farther"
 
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""
-        most, berth = self.conduct.too_rare, self._berth
         told = {e.signal for e in self.events}
         vain = told & {"blocked", "in_vain", "hindered"} and "free" not in told
-        if self._give or self.holding or not vain or berth.comes <= most:
+        if self._give or self.holding or not vain:
             return ""
-        return (
-            f"with a frame every {1e3 * self.executor.period:.0f} ms it stands "
-            f"{1e3 * berth.stop_s:.0f} ms after what it saw, and by then what is held "
-            f"out may have come {100 * berth.comes:.1f} cm nearer (limit "
-            f"{100 * most:.1f} cm): give frames more often, the robot's own limits of "
-            "acceleration and jerk, or, for people who hold still, "
-            "StorySettings(threat=ThreatSettings(acceleration=...)); or hold it still "
-            "between the fingers"
-        )
+        return self._berth.why_too_rare(self.conduct.too_rare)
 
     @property
     def force(self) -> float:
@@ -302,19 +236,12 @@ class Handover:
     @property
     def grasps(self) -> np.ndarray:
         """(n, 4, 4) T_tool_object of all ways to hold the object [m]."""
-        return self._grasps
+        return self.hand.grasps
 
     @property
     def outcome(self) -> str:
         """What came of it: "handed over", or what went wrong; empty before the end."""
-        if not self.ended:
-            return ""
-        passed = "open" if self._give else "free"
-        if any(e.signal == passed and not e.failure for e in self.events):
-            late = [e for e in self.events if e.signal == "lost"]
-            return "handed over" if not late else late[-1].reason
-        failures = [e.reason for e in self.events if e.failure]
-        return failures[-1] if failures else self.machine.reason
+        return self.machine.outcome("open" if self._give else "free")
 
     def update(self, frame: StoryFrame) -> Command:
         """Take a frame, decide, plan, and move on by one period of the executor."""
@@ -346,9 +273,9 @@ class Handover:
         if row is not None:
             self._enter(row.signal)
         self._last = seen
-        return Command(point.q, point.dq, self.fingers)
+        return Command(point.q, point.dq, self.hand.fingers)
 
-    def _go_gently(self, seen: _Seen, threat: Threat, limit: SpeedLimit) -> None:
+    def _go_gently(self, seen: Seen, threat: Threat, limit: SpeedLimit) -> None:
         """Let the executor be as slow, and as gentle, as it has to be near a person."""
         executor, share = self.executor, 1.0
         if not executor.at_rest:
@@ -404,7 +331,7 @@ class Handover:
             self._begun = None if self._begun is None else self._begun + passed
         return 0.0
 
-    def _look(self, frame: StoryFrame) -> _Seen:
+    def _look(self, frame: StoryFrame) -> Seen:
         """Lay out all shapes with their classes, and follow them."""
         if self.state == table.PRESENT:  # the hand may come to what is held out
             self.view.phase = "give" if self.executor.at_rest else None
@@ -413,106 +340,42 @@ class Handover:
         self.view.at_place = at_place and not stands
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
-        dt = self._passed(frame.now)
-        rows, labels = frame.person()
-        hand, arm = self._parts(labels)
-        obj = self._object_rows(frame)
-        # what the fingers hold moves with them, whether it counts as taken or not
-        loose = obj is not None and not self.holding and not frame.holds
-        if self.state == table.RETREAT and self._step.kind == "goal" and loose:
-            if self.view.phase is not None and self._is_clear_of(obj):
+        seen = self.sight.look(frame, self._passed(frame.now))
+        people, n = seen.people, len(seen.there)
+        if self.state == table.RETREAT and self._step.kind == "goal" and seen.loose:
+            if self.view.phase is not None and self._is_clear_of(seen.obj):
                 self.view.phase = None  # paths keep off it again
-        classes = np.full(len(rows) + (len(obj) if loose else 0), AVOID, np.int8)
+        classes = np.full(n, AVOID, np.int8)
         if self.view.phase == "give":
-            classes[hand] = CONTACT
+            classes[seen.hand] = CONTACT
         if self.view.phase == "receive":
-            classes[len(rows) :] = OBJECT
-        there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
-        there.labels = {"capsules": self._words[: len(classes)]}
-        everything = there.capsules
-        threat = self._watcher.look(everything, frame.now) if len(everything) else None
-        speed = self._speed_of_object(frame)
-        if loose:
-            threat = self._as_it_stands(frame, threat, obj, speed, dt)
-        whole = threat, arm, rows, labels, hand
-        self.view.classes, people = classes, len(rows)
-        self.view.person = everything[: len(rows)]
-        offered = np.arange(len(rows), len(everything))
-        self.view.meant = np.concatenate((arm, offered))
+            classes[people:] = OBJECT
+        self.view.classes, self.view.person = classes, seen.person
+        self.view.meant = np.concatenate((seen.arm, np.arange(people, n)))
         gives = self._give and self.state != table.RETREAT
-        self.view.offered = 0 if gives else len(everything) - len(rows)
-        near = rows[hand]
-        gap = _gap(near, obj) if obj is not None and len(hand) else np.inf
+        self.view.offered = 0 if gives else n - people
         hurries = self.conduct.hurries * self.settings.still_speed
-        self.view.hurries = speed > hurries
-        who = threat, people, near
-        seen = _Seen(frame, there, classes, *who, gap, speed, dt, whole)
+        self.view.hurries = seen.object_speed > hurries
         self._tell(seen, self.conduct.late_s)
         return seen
 
-    def _as_it_stands(
-        self,
-        frame: StoryFrame,
-        threat: Threat,
-        obj: np.ndarray,
-        speed: float,
-        dt: float,
-    ) -> Threat:
-        """Return the threat of all shapes, the object's (k, 7) last.
-
-        An object that stands in its place, or where it was put down, is not expected to
-        start off before somebody can have reached it: beside it the robot need not
-        creep, least of all one that is slow to stop (decision 0099).
-        """
-        at, T, s = self._stands_at, frame.T_base_object, self.settings
-        still = at is not None and _length(T[:3, 3] - at) < s.between
-        still = still and speed < s.still_speed
-        time, these = 0.0, slice(len(threat.error) - len(obj), None)
-        if still:
-            time = self._unreached_for(threat.of(slice(these.start)), obj)
-        window = 0.0 if threat.window is None else float(threat.window[these].max())
-        alone = self._lasts("alone", time >= dt and still, dt, window)
-        return threat.left_alone(these, time) if alone else threat
-
-    def _unreached_for(self, person: Threat, obj: np.ndarray) -> float:
-        """Return how long nobody can get to an object (k, 7) from now on [s]."""
-        balls, person = _covering_balls(obj), person.as_lately()
-        for time in self.conduct.untouched:
-            rows, more = person.between(0.0, time)
-            if not more and (ball_gaps(balls, rows.capsules) > 0.0).all():
-                return time
-        return 0.0
-
     def _is_clear_of(self, obj: np.ndarray) -> bool:
         """Whether the robot keeps its clearance from an object (k, 7)."""
-        robot, planner = self.planner.static.robot, self.planner
-        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
-        return bool(ball_gaps(balls, obj).min() > planner.keep)
+        return bool(ball_gaps(self._balls(), obj).min() > self.planner.keep)
 
-    def _parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return which capsules are the hand, and the arm, that takes part."""
-        known = self._arms
-        if known is None or known[0] != labels.tobytes():
-            hand = np.flatnonzero(labels == ARM_LABELS[self._side][0])
-            arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self._side]))
-            known = self._arms = labels.tobytes(), hand, arm
-            words = [_WORDS.get(label, "") for label in labels.tolist()]
-            self._words = [*words, *["the object"] * len(self._obj.capsules)]
-        return known[1], known[2]
-
-    def _tell(self, seen: _Seen, every: float) -> None:
+    def _tell(self, seen: Seen, every: float) -> None:
         """Tell the planner where the person will be, if that is `every` [s] old."""
         frame, allowance = seen.frame, self._allowance
-        late = abs(self._now - self._told_at)
+        late = abs(self._now - self._expected_at)
         if late < every:
             return
         if late < self.conduct.late_s and not allowance.grants(allowance.takes.tell):
             return
-        threat, arm, rows, labels, hand = seen.whole
         gaze = frame.human.gaze if frame.capsules is None else None
-        rods = comfort_rods(rows, labels, hand, gaze, self.settings.comfort)
-        self._expect(threat, arm, rods)
-        self._told_at = self._now
+        parts = seen.person, seen.labels, seen.hand
+        rods = comfort_rods(*parts, gaze, self.settings.comfort)
+        self._expect(seen.threat, seen.arm, rods)
+        self._expected_at = self._now
 
     def _expect(self, threat: Threat | None, arm: np.ndarray, rods: np.ndarray) -> None:
         """Tell the planner where the arm that takes part will be, while it plans."""
@@ -525,32 +388,9 @@ class Handover:
         if len(expected) and sound:  # who is nowhere is not expected anywhere
             self.planner.expect(Obstacles(capsules=expected))
 
-    def _object_rows(self, frame: StoryFrame) -> np.ndarray | None:
-        """Return the capsules of the object where it is, base frame; None: unseen."""
-        T = frame.T_base_object
-        if self.holding:
-            T = tool_pose(self.planner.robot, self.executor.set_point.q)
-            T = T @ self._T_tool_object
-        if T is None:
-            return None
-        return moved_rods(self._obj.capsules, T)
-
-    def _speed_of_object(self, frame: StoryFrame) -> float:
-        """Return how fast the object goes on [m/s]; a hand that trembles is still."""
-        T, past, now = frame.T_base_object, self._object_was, frame.now
-        if T is None or (past and not now >= past[-1][0]):  # or the clock went back
-            past.clear()
-        if T is None:
-            return 0.0
-        past.append((now, T[:3, 3].copy()))
-        while past[0][0] < now - self.conduct.goes_on_s - 1e-6:
-            past.popleft()
-        (since, there), (now, here) = past[0], past[-1]
-        return _length(here - there) / (now - since or 1.0)
-
     # --- which signals hold -----------------------------------------------------
 
-    def _signals(self, seen: _Seen, point: SetPoint) -> set[str]:
+    def _signals(self, seen: Seen, point: SetPoint) -> set[str]:
         """Return the names of what holds now, at a set-point; see `machine.SIGNALS`."""
         s, frame = self.settings, seen.frame
         moving = _most(point.dq) > self.conduct.stands
@@ -561,6 +401,7 @@ class Handover:
         away = seen.hand_gap > s.gone
         limits = {table.FETCH: s.fetch_s, table.PUT_DOWN: s.put_down_s}
         limit = limits.get(self.state, s.wait_s)
+        hand = self.hand
         checks = {
             "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
             "pulled": self._pull.pulled and self._may_be_theirs(seen, moving),
@@ -577,60 +418,56 @@ class Handover:
             "weak_pull": passed > limit and self._pull.weak > 0.0,
             "occupied": passed > limit and self._is_occupied(seen),
             "late": passed > limit,
-            "late_holding": passed > limit and self.holding,
-            "beset": passed > limit and self.holding and self._is_beset(passed),
+            "late_holding": passed > limit and hand.holding,
+            "beset": passed > limit and hand.holding and self._is_beset(passed),
             "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
         }
-        checks["in_vain"] = checks["blocked"] and self._tried + 1 >= s.tries
+        checks["in_vain"] = checks["blocked"] and self.offer.tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
-        ended = over or passed > limit
-        gripped = self.holding and frame.holds
+        gripped = hand.holding and frame.holds
         far = gripped and self._pull.pulls and self._is_far(seen)
         left = self._lasts("left_it", far, seen.dt, self.conduct.gone_s)
         unpulled = gripped and (left or not self._pull.pulls)
-        empty = self.fingers == CLOSED and not frame.holds and not self.holding
+        empty = hand.fingers == CLOSED and not frame.holds and not hand.holding
         checks |= {
             "held": over and gripped,
             "free": over and self._lasts("free", unpulled, seen.dt, s.pull.hold_s),
             "missed": self._passed_grip() and empty,
             "away": over,
-            "away_holding": over and self.holding,
-            "placed": over and not self._placeless and not self._places.now,
-            "placed_elsewhere": over and not self._placeless and self._places.now,
-            "no_place": ended and self._placeless and self._T_place is None,
-            "unreached": ended and self._placeless and self._T_place is not None,
+            "away_holding": over and hand.holding,
         }
+        checks |= self.placing.signals(over, over or passed > limit)
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
 
-    def _feel(self, seen: _Seen, point: SetPoint, moving: bool) -> None:
+    def _feel(self, seen: Seen, point: SetPoint, moving: bool) -> None:
         """Feel the force at the wrist, knowing what weighs in the hand."""
-        frame, own, taken = seen.frame, None, None
+        frame, hand, own, taken = seen.frame, self.hand, None, None
         # what was taken has a weight; its giver may pull from the first moment on
-        takes = self.state == table.CLOSE and (self.holding or frame.holds)
-        if takes or (self._give and self.holding):
+        takes = self.state == table.CLOSE and (hand.holding or frame.holds)
+        if takes or (self._give and hand.holding):
             T_world_base = self.targets.meet.settings.T_world_base
-            told = point, self._T_tool_object, self._obj.mass_kg, T_world_base
-            weighs = carried_force(self.planner.robot, *told)
+            args = point, hand.T_tool_object, hand.obj.mass_kg, T_world_base
+            weighs = carried_force(self.planner.robot, *args)
             own, taken = (None, weighs) if takes else (weighs, None)
         self._pull.feel(frame.wrench, seen.dt, moving, taken, own)
 
-    def _is_occupied(self, seen: _Seen) -> bool:
+    def _is_occupied(self, seen: Seen) -> bool:
         """Whether the person is within the clearance of the object in its place."""
-        gaps = self._gaps_of_places(seen)
+        gaps = self.placing.gaps(seen)
         return bool(len(gaps)) and bool(gaps[0] < self.planner.keep)
 
     def _is_beset(self, passed: float) -> bool:
         """Whether the person blocked the places for most of `passed` [s]."""
-        return self._places.beset or 2.0 * self._hindered_s > passed
+        return self.placing.places.beset or 2.0 * self._hindered_s > passed
 
     def _is_taken_up(self, frame: StoryFrame) -> bool:
         """Whether places in reach are known to give or take it, and none is free."""
         if not self._give:
             T = frame.T_base_object
-            known = T is not None and bool(self._reaches.found)
-            return known and not self._object_moved(T)
+            known = T is not None and bool(self.offer.reaches.found)
+            return known and not self.offer.moved(T)
         pursuit = self.targets.pursuit
         return pursuit.state == OCCUPIED and pursuit.targets > 0
 
@@ -640,22 +477,22 @@ class Handover:
             return False
         if self._give:
             return self.targets.pursuit.key is not None
-        return self._taken is not None
+        return self.offer.taken is not None
 
-    def _may_be_theirs(self, seen: _Seen, moving: bool) -> bool:
+    def _may_be_theirs(self, seen: Seen, moving: bool) -> bool:
         """Whether a pull that lasted may be what the robot waits for, where it waits.
 
         Not while it still moves; and not where no hand of the person is about.
         """
         return self.state != table.WAIT or not (moving or self._is_far(seen))
 
-    def _is_far(self, seen: _Seen) -> bool:
+    def _is_far(self, seen: Seen) -> bool:
         """Whether both hands are known to be so far from the object as to have gone."""
-        rows, labels = seen.whole[2:4]
-        obj, hands = self._object_rows(seen.frame), np.isin(labels, _HANDS)
+        obj = self.hand.capsules(seen.frame.T_base_object)  # where it is by now
+        hands = np.isin(seen.labels, _HANDS)
         if obj is None or not hands.any():
             return False
-        return bool(_gap(rows[hands], obj) > self.settings.gone)
+        return bool(smallest_gap(seen.person[hands], obj) > self.settings.gone)
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""
@@ -663,7 +500,7 @@ class Handover:
         self._farthest = max(self._farthest, gap)
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
-    def _signals_of_place(self, seen: _Seen, q: np.ndarray) -> dict[str, bool]:
+    def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""
         s, executor = self.settings, self.executor
         if self._give:
@@ -675,15 +512,15 @@ class Handover:
                 "moved": not there and not nobody and not pursuit.touched,
                 "left": self._lasts("left", nobody, seen.dt, s.leave_s),
             }
-        pre, T = self._taken, seen.frame.T_base_object
+        pre, T = self.offer.taken, seen.frame.T_base_object
         off = np.inf
         if pre is not None:
             off = _most(difference(self.planner.robot, q, pre.q_before))
-        moved = self._object_moved(T)
+        moved = self.offer.moved(T)
         still = seen.object_speed < s.still_speed and not moved
         closing = self.state == table.CLOSE
         if closing:  # while the fingers close, it may give way a little
-            moved = moved and not self.holding and self.fingers == OPEN
+            moved = moved and not self.hand.holding and self.hand.fingers == OPEN
         return {
             "arrived": off < self.conduct.arrived and executor.at_rest and not moved,
             "moved": moved,
@@ -691,35 +528,11 @@ class Handover:
             "steady": self._lasts("steady", still, seen.dt, s.steady_s),
             "between": self._lasts(
                 "between",
-                seen.object_speed < s.still_speed and self._is_between(T),
+                seen.object_speed < s.still_speed and self.hand.is_between(T),
                 seen.dt,
                 s.steady_s,
             ),
         }
-
-    def _is_between(self, T: np.ndarray | None) -> bool:
-        """Whether an object is where a grasp would have it, while the robot stands."""
-        if T is None or self.holding or not self.executor.at_rest:
-            return False
-        T_tool = tool_pose(self.planner.robot, self.executor.set_point.q)
-        T_tool_object = np.linalg.inv(T_tool) @ T
-        s = self.settings
-        for grasp in self.grasps:
-            off = np.linalg.norm(grasp[:3, 3] - T_tool_object[:3, 3])
-            if off < s.between and _turned(grasp, T_tool_object) < s.between_rad:
-                # what could not be taken into the map, so held, is not closed on
-                if not has_room(self.planner, self._carried, T_tool_object):
-                    return False
-                self._put = T_tool_object
-                return True
-        return False
-
-    def _object_moved(self, T: np.ndarray | None) -> bool:
-        """Whether the object has left the place that its grasps were found for."""
-        at = self._reaches.at
-        if T is None or at is None:
-            return T is not None and at is None
-        return _length(T[:3, 3] - at) > self.settings.follow
 
     def _lasts(self, name: str, holds: bool, dt: float, least: float) -> bool:
         """Whether something holds, and has for so long [s]."""
@@ -727,7 +540,8 @@ class Handover:
         return self._clock[name] > least
 
     def _missing(self, frame: StoryFrame) -> bool:
-        return self.holding and self.fingers == CLOSED and not frame.holds
+        hand = self.hand
+        return hand.holding and hand.fingers == CLOSED and not frame.holds
 
     def _is_blocked(self) -> bool:
         """Whether a step that moves cannot go on."""
@@ -761,266 +575,75 @@ class Handover:
         self.view.phase = None
         steps: list[Step] = []
         if state == table.FETCH:
-            steps = self._fetching()
+            steps = self.placing.fetching(self.executor.set_point.q)
         elif state in (table.APPROACH, table.PRESENT) and self._give:
             steps = [Step("targets")]
         elif state in (table.APPROACH, table.WAIT) and not self._give:
             if state == table.APPROACH:
-                self._forget_object(signal)
+                self.offer.forget(signal == "blocked")
+                self.hand.fingers = OPEN
             steps = [Step("reach")]
         elif state == table.WAIT:
             self._pull.restart()
-            self.fingers, self.view.phase = CLOSED, "give"
+            self.hand.fingers, self.view.phase = CLOSED, "give"
             steps = [_STAND, _STAND]
         elif state == table.RELEASE:
-            self.fingers, self.view.phase = OPEN, "give"
+            self.hand.fingers, self.view.phase = OPEN, "give"
             steps = [_STAND, _STAND]
         elif state == table.CLOSE:
             self._pull.forget()
-            self._line = None
+            self.offer.begin_closing()
             steps = [Step("close"), Step("grip", CLOSED), Step("take")]
             if signal == "between":
-                steps, self._taken = steps[1:], None
+                steps, self.offer.taken = steps[1:], None
         elif state == table.RETREAT:
             steps = self._retreating(signal)
         elif state == table.PUT_DOWN:
-            steps = self._putting_down()
+            steps = self.placing.putting_down(self._last, self._progress())
         self._steps = steps
         self._goals = []
 
-    def _forget_object(self, signal: str) -> None:
-        self._tried = self._tried + 1 if signal == "blocked" else 0
-        if signal == "blocked" and self._out_of_line:
-            self._reaches.outdate()  # it has turned, or moved a little: anew for there
-        elif signal == "blocked" and self._taken is not None:
-            self._reaches.drop(self._taken)
-        self.fingers, self._taken, self._out_of_line = OPEN, None, False
+    def _progress(self) -> Progress:
+        """Return how the state goes on."""
+        return Progress(self._now or 0.0, self._hindered_s)
 
-    def _fetching(self) -> list[Step]:
-        reach = self._reach_at_place()
-        if reach is None:
-            raise BadInput(
-                "the object's place is out of the robot's reach; give another "
-                "T_base_place, or another grasp T_tool_object"
-            )
-        return self._fetching_by(reach)
-
-    def _fetching_by(self, reach: Reach) -> list[Step]:
-        self._T_tool_object = reach.T_tool_object
-        above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
-        up = Step("line", reach.q_before)
-        return [above, at, Step("grip", CLOSED), Step("take"), up]
-
-    def _putting_down(self) -> list[Step]:
-        """Return the steps that lead to a place, once it is known how."""
-        self._placeless, self._at_place, self._why_kept = False, None, ""
-        n = 0 if self._T_place is None else 1 + len(self._T_others)
-        self._places = Places(n)
-        if not n:
-            return [Step("place")]
-        return self._to_next_place(self._last)
-
-    def _to_next_place(self, seen: _Seen | None) -> list[Step]:
-        """Return the steps to the next place to try; to rest, where all were tried."""
-        places = self._places
-        gaps = self._gaps_of_places(seen)
-        k = places.begin_next(gaps, self.planner.keep)
-        self._came = self._now or 0.0, self._hindered_s
-        if k is not None:
-            self._at_place = self._looks_at_place(), 0
-            return [Step("place")]
-        self._at_place = None
-        self._placeless = places.unreached
-        rest = Step("goal", [self._rest])
-        return [rest] if self._placeless else [rest, Step("pause", gaps)]
-
-    def _gaps_of_places(self, seen: _Seen | None) -> np.ndarray:
-        """Return (n,) how far the person is from the object in each place [m]."""
-        T_places = self._all_places()
-        if seen is None or not seen.people:
-            return np.full(len(T_places), np.inf)
-        person = seen.there.capsules[: seen.people]
-        rods = [moved_rods(self._obj.capsules, T) for T in T_places]
-        return np.array([ball_gaps(beads(row, 5), person).min() for row in rods])
-
-    def _all_places(self) -> list[np.ndarray]:
-        """Return the places (4, 4) where the object may be put down, its own first."""
-        return [] if self._T_place is None else [self._T_place, *self._T_others]
-
-    def _leave_place(self, seen: _Seen, why: str) -> None:
-        """Go on to another place: this one cannot be come to now."""
-        self._places.leave(why)
-        self._why_kept = self._why_no_place(why)
-        steps = self._to_next_place(seen)
-        if self._step.kind == "line":  # it stands low, beside what it stands on
+    def _give_up_place(self, seen: Seen) -> None:
+        """Leave the place where no motion leads on, or the person is in the way."""
+        placing, kind = self.placing, self._step.kind
+        waits = placing.places.now is None and not placing.placeless
+        blocked, progress = "blocked" in self._signalled, self._progress()
+        if waits and kind == "goal" and blocked:
+            self._next()  # the way to rest: it waits where it is
+        reached = placing.places.now is None or not self.holding
+        if reached or kind not in ("goal", "line"):
+            return
+        if placing.is_beset(progress):
+            why = BESET
+        elif blocked and not self._reach_otherwise():
+            why = BESET if self.executor.state == BRAKED else BLOCKED
+        else:
+            return
+        steps = placing.leave(seen, why, progress)
+        if kind == "line":  # it stands low, beside what it stands on
             steps = [Step("up", self._steps[0].value[0]), *steps]
         self._begin_steps(steps)
 
-    def _why_no_place(self, why: str) -> str:
-        """Return what keeps it from a place, as planner and executor say it."""
-        held = getattr(self.answer, "status", "") == "holding"
-        told = getattr(self.answer, "reason", "") if held else ""
-        return told or self.executor.reason if why != UNREACHED else ""
-
-    def _give_up_place(self, seen: _Seen) -> None:
-        """Leave the place where no motion leads on, or the person is in the way."""
-        places, kind = self._places, self._step.kind
-        waits = places.now is None and not self._placeless
-        if waits and kind == "goal" and "blocked" in self._signalled:
-            self._next()  # the way to rest: it waits where it is
-        if places.now is None or not self.holding or kind not in ("goal", "line"):
-            return
-        since, hindered = self._now - self._came[0], self._hindered_s - self._came[1]
-        if since > self.settings.place_s and 2.0 * hindered > since:
-            self._leave_place(seen, BESET)
-        elif "blocked" in self._signalled and not self._reach_otherwise():
-            braked = self.executor.state == BRAKED
-            self._leave_place(seen, BESET if braked else BLOCKED)
-
-    def _pause(self, seen: _Seen, q: np.ndarray, gaps: np.ndarray) -> object:
-        """Stand until the person has moved off a place, or for a while; try anew."""
-        now = self._gaps_of_places(seen)
-        moved_off = (now > gaps + self.conduct.moved_off).any()
-        if moved_off or self._now - self._begun > self.settings.again_s:
-            self._places.forget()
-            self._begin_steps(self._to_next_place(seen))
-        return self._stand(seen, q)
-
-    def _find_place(self, seen: _Seen, q: np.ndarray) -> object:
-        """Look for a way to a place of the object, one costly thing a frame; stand."""
-        look = None if self._at_place is None else self._at_place[0]
-        grants, takes = self._allowance.grants, self._allowance.takes
-        if look is None:  # it is kept
-            self._placeless = True
-            self._begin_steps([Step("goal", [self._rest])])
-        elif look.at is None:
-            if grants(takes.reach):
-                look.begin(self._all_places()[self._places.now], q)
-        elif not look.found and not look.over:
-            if grants(takes.reach):
-                look.work()
-        elif not look.found:
-            self._leave_place(seen, UNREACHED)
-        elif not self._is_ready(look.found[self._at_place[1]].q_before):
-            if grants(takes.prepare):
-                self.planner.prepare_goal(look.found[self._at_place[1]].q_before)
-        else:
-            self._try_place(seen, look)
-        return self._stand(seen, q)
-
-    def _try_place(self, seen: _Seen, look: Reaches) -> None:
-        """Set off to a place if its way down is free now; one is looked at a frame.
-
-        The own place is waited for a little, the others are not.
-        """
-        k = self._at_place[1]
-        reach, self.view.at_place = look.found[k], True
-        with self.view.receiving(np.full(len(seen.classes), AVOID, np.int8)):
-            free = self.view.line_free(reach.q_before, reach.q, seen.there)
-        self.view.at_place = False
-        waited = self.settings.blocked_s if self._places.now == 0 else 0.0
-        if free:
-            self._at_place = look, k
-            self._begin_steps(self._putting_down_by(reach))
-        elif k + 1 < len(look.found):
-            self._at_place = look, k + 1
-        elif not look.over:
-            if self._allowance.grants(self._allowance.takes.reach):
-                look.work()
-        elif look.pass_by():
-            self._at_place = look, 0
-        elif self._now - self._came[0] >= waited:
-            self._leave_place(seen, BESET)
-        else:
-            self._at_place = look, 0
-
-    def _begin_steps(self, steps: list[Step]) -> None:
-        """Go on with other steps."""
-        self._steps, self._at = steps, -1
-        self._next()
-
-    def _putting_down_by(self, reach: Reach) -> list[Step]:
-        return [
-            Step("goal", [reach.q_before]),
-            Step("line", reach.q),
-            Step("grip", OPEN),
-            Step("let"),
-            Step("line", reach.q_before),
-        ]
-
-    def _reach_at_place(self) -> Reach | None:
-        """Return how the object is grasped in its place: before the first frame."""
-        self._at_place = None
-        if self._T_place is None:
-            return None
-        look = self._looks_at_place()
-        if not look.first(self._T_place, self.executor.set_point.q):
-            return None
-        self._at_place = look, 0
-        return look.found[0]
-
-    def _placeable(self, grasps: np.ndarray) -> np.ndarray:
-        """Return with which grasps (k, 4, 4) what is taken can be put down again.
-
-        Where there is no place all of them count.
-        """
-        if self._give or self._T_place is None:
-            return np.ones(len(grasps), bool)
-        index, s, found = self.targets.finder.index, self.settings, []
-        beside = None, self._obj.capsules, s.room, None, HELD_AT_PLACE
-        still = np.zeros_like(self._rest)
-        for grasp in grasps:
-            held = self.planner.carrier.test_with(self._carried, grasp)
-            look = Reaches(self.planner, index, grasp[None], s.back, *beside)
-            look.begin(self._T_place, self._rest)
-            while not look.over:
-                look.work()
-            found.append(any(held.motion_free(r.q_before, still) for r in look.found))
-        return np.array(found)
-
-    def _looks_at_place(self) -> Reaches:
-        """Return what looks for grasps in a place, with the grasp by which it is held.
-
-        In a place that is not its own nothing may hold the object: robot and object
-        come down to what it stands on, clear of all else.
-        """
-        held = self._T_tool_object if self.holding else None
-        grasps = self._reaches.T_tool_object if held is None else held[None]
-        index = self.targets.finder.index
-        settings = AT_PLACE if held is None else HELD_AT_PLACE
-        beside = self._obj.capsules, self.settings.room
-        told = self.planner, index, grasps, self.settings.back
-        if not self._places.now:
-            return Reaches(*told, None, *beside, None, settings)
-        T = self._all_places()[self._places.now]
-        scenery = self.planner.cell_map.scenery
-        on = carries(scenery, self._obj.capsules, T)
-        return Reaches(*told, self._carried, *beside, on, settings)
+    def _begin_steps(self, steps: list[Step] | None) -> None:
+        """Go on with other steps; None: with those that there are."""
+        if steps is not None:
+            self._steps, self._at = steps, -1
+            self._next()
 
     def _reach_otherwise(self) -> bool:
         """Go to the object's place with another grasp or arm: this one is blocked.
 
-        One start of the search a frame; after the last one found comes the first.
-
         Returns:
             False where all ways to put it down there have been tried.
         """
-        fetches = self.state == table.FETCH
-        if self._at_place is None or (not fetches and self._at > 0):
-            return False
-        look, k = self._at_place
-        if k + 1 == len(look.found) and not look.over:
-            if self._allowance.grants(self._allowance.takes.reach):
-                look.work()
-            return True
-        if k + 1 == len(look.found) and not fetches:
-            return False
-        if len(look.found) > 1:
-            k = (k + 1) % len(look.found)
-            self._at_place = look, k
-            steps_by = self._fetching_by if fetches else self._putting_down_by
-            self._begin_steps(steps_by(look.found[k]))
-        return True
+        steps = self.placing.otherwise(self._at, self.state == table.FETCH)
+        if steps:
+            self._begin_steps(steps)
+        return steps is not None
 
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
@@ -1032,25 +655,24 @@ class Handover:
         opens = late and self.holding  # it moves once they are open
         first = [Step("grip", OPEN), Step("let")] if opens else []
         if not self.holding:
-            self.fingers = OPEN
+            self.hand.fingers = OPEN
         if not beside:
             return [rest]
         self.view.phase = "give" if self.holding else "receive"
-        q = self.executor.set_point.q
-        back = None
-        if self._taken is not None and not self._give:
-            near = np.abs(difference(self.planner.robot, q, self._taken.q)).max()
-            back = self._taken.q_before if near < 0.5 else None
+        q, taken, back = self.executor.set_point.q, self.offer.taken, None
+        if taken is not None and not self._give:
+            near = np.abs(difference(self.planner.robot, q, taken.q)).max()
+            back = taken.q_before if near < 0.5 else None
         if back is None:
-            T = tool_pose(self.planner.robot, q)
+            T = self.hand.T_base_tool()
             back = straight_back(self.planner, T, q, self.settings.back)
         return [*first, rest] if back is None else [*first, Step("back", back), rest]
 
-    def _plan(self, seen: _Seen, q: np.ndarray) -> object:
+    def _plan(self, seen: Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
         step = self._step
         if self._driven_off(seen.frame):
-            self.fingers = OPEN  # to above the object, and down anew
+            self.hand.fingers = OPEN  # to above the object, and down anew
             self._begin_steps([s for s in self._steps if s.kind != "back"])
             step = self._step
         if self.state == table.PUT_DOWN:
@@ -1071,17 +693,18 @@ class Handover:
         if step.kind == "goal":
             return self._go(seen, q, step.value)
         if step.kind == "place":
-            return self._find_place(seen, q)
+            self._begin_steps(self.placing.find(seen, q, self._progress()))
         if step.kind == "pause":
-            return self._pause(seen, q, step.value)
+            args = seen, step.value, self._now - self._begun, self._progress()
+            self._begin_steps(self.placing.after_pause(*args))
         if step.kind in ("line", "up", "back"):
             return self._follow(seen, q, step.value)
         if step.kind == "close":
             return self._close_in(seen, q)
         if step.kind == "grip":
-            if self.fingers != step.value:  # what is held makes goals be joined anew
+            if self.hand.fingers != step.value:  # what it holds changes how goals join
                 self._set_goals([self._rest])
-            self.fingers = step.value
+            self.hand.fingers = step.value
             sensed = seen.frame.holds if step.value == CLOSED else seen.frame.opened
             if sensed:
                 self._next()
@@ -1093,17 +716,15 @@ class Handover:
         down = self.state == table.FETCH and self._step.kind in ("line", "grip")
         return leaves and down and not frame.holds
 
-    def _back_off(self, seen: _Seen) -> bool:
+    def _back_off(self, seen: Seen) -> bool:
         """Begin to back out of where it touches the object; False: it is clear of it.
 
         A robot that was driven off while it came down to the object may stand against
         it, where no path of the planner's begins.
         """
-        obj = self._object_rows(seen.frame)
-        if obj is None or self._is_clear_of(obj):
+        if seen.obj is None or self._is_clear_of(seen.obj):
             return False
-        q = self.executor.set_point.q
-        T = tool_pose(self.planner.robot, q)
+        q, T = self.executor.set_point.q, self.hand.T_base_tool()
         back = straight_back(self.planner, T, q, self.settings.back)
         if back is None:
             return False
@@ -1111,7 +732,7 @@ class Handover:
         self._signalled = self._signalled - {"blocked"}  # the step before was
         return True
 
-    def _pursue(self, seen: _Seen, q: np.ndarray) -> object:
+    def _pursue(self, seen: Seen, q: np.ndarray) -> object:
         """Go to the best target."""
         targets = self.targets
         told, allowance = targets.counts["set_goals"], self._allowance
@@ -1139,11 +760,7 @@ class Handover:
             self._next()
 
     def _let_go(self) -> None:
-        if self.state == table.PUT_DOWN:
-            T = tool_pose(self.planner.robot, self.executor.set_point.q)
-            self._stands_at = (T @ self._T_tool_object)[:3, 3]
-        self.planner.detach()
-        self.holding = False
+        self.hand.let_go(puts_down=self.state == table.PUT_DOWN)
         if self.view.phase is not None:
             self.view.phase = "receive"  # the object may be left, and touched by pads
         self._pull.forget()
@@ -1157,54 +774,53 @@ class Handover:
 
     def _take(self) -> None:
         """Have the object in the hand, in the map, too."""
-        if self._taken is not None and not self._give:
-            self._T_tool_object = self._taken.T_tool_object
+        hand, taken = self.hand, self.offer.taken
+        T = hand.T_tool_object
+        if taken is not None and not self._give:
+            T = taken.T_tool_object
         elif self.state == table.CLOSE:
-            self._T_tool_object = self._put
-        self.planner.attach(self._carried, self._T_tool_object)
-        self.holding, self._stands_at = True, None
+            T = hand.T_tool_between
+        hand.take(T)
         if self.state != table.CLOSE:
             self._pull.forget()
         self.view.phase = "give" if self.state == table.CLOSE else None
 
-    def _step_planner(self, seen: _Seen, q: np.ndarray) -> object:
+    def _step_planner(self, seen: Seen, q: np.ndarray) -> object:
         """Let the planner see the frame, without what may be touched, and answer."""
         now, there = seen.frame.now, self._to_avoid(seen)
         if self.view.phase is None:
             there = self._with_berth(seen, there)
         return self.planner.step(there, q=q, stamp=now, now=now)
 
-    def _with_berth(self, seen: _Seen, there: Obstacles) -> Obstacles:
+    def _with_berth(self, seen: Seen, there: Obstacles) -> Obstacles:
         """Return the shapes as a robot on its way had better pass them."""
         berth = self._berth
         if not berth.room:
             return there
-        robot = self.planner.static.robot
-        balls = cover_balls(robot, self.executor.set_point.q)[robot.moving]
         held = getattr(self.answer, "status", "") == "holding"
         hindered = self.executor.state in (SLOWED, BRAKED, STANDING)
         offered = self.view.offered if self.state == table.APPROACH else 0
-        told = balls, held, hindered
-        there = berth.around(there, seen.people + offered, *told)
+        args = self._balls(), held, hindered
+        there = berth.around(there, seen.people + offered, *args)
         self.targets.told_larger = berth.told
         return there
 
-    def _see(self, seen: _Seen, q: np.ndarray) -> None:
+    def _see(self, seen: Seen, q: np.ndarray) -> None:
         """Let the planner see the frame: where it goes by no path of the planner's."""
         now = seen.frame.now
         self.planner.see(self._to_avoid(seen), q=q, stamp=now, now=now)
 
-    def _to_avoid(self, seen: _Seen) -> Obstacles:
+    def _to_avoid(self, seen: Seen) -> Obstacles:
         """Return the shapes that may not be touched by anything in this phase."""
-        if self.view.phase is None or not (seen.classes != AVOID).any():
+        if self.view.phase is None or not (self.view.classes != AVOID).any():
             return seen.there
-        avoided = seen.classes == AVOID
+        avoided = self.view.classes == AVOID
         there = Obstacles(capsules=seen.there.capsules[avoided])
-        words = zip(self._words, avoided.tolist(), strict=False)
+        words = zip(seen.there.labels["capsules"], avoided.tolist(), strict=True)
         there.labels = {"capsules": [word for word, kept in words if kept]}
         return there
 
-    def _go(self, seen: _Seen, q: np.ndarray, goals: list[np.ndarray]) -> object:
+    def _go(self, seen: Seen, q: np.ndarray, goals: list[np.ndarray]) -> object:
         """Go to the first goal that is free."""
         self._set_goals(goals)
         answer = self._step_planner(seen, q)
@@ -1223,7 +839,7 @@ class Handover:
                 self.planner.set_goals(goals)
             self._goals = list(goals)
 
-    def _follow(self, seen: _Seen, q: np.ndarray, q_end: np.ndarray) -> object:
+    def _follow(self, seen: Seen, q: np.ndarray, q_end: np.ndarray) -> object:
         """Go straight to q_end, if that is certified now by the rules of the phase."""
         self._see(seen, q)
         here = self.executor.set_point.q
@@ -1240,109 +856,50 @@ class Handover:
             return _holding("the straight motion is not free now")
         return SimpleNamespace(status="following", path=np.array([q, q_end]), reason="")
 
-    def _stand(self, seen: _Seen, q: np.ndarray) -> object:
+    def _stand(self, seen: Seen, q: np.ndarray) -> object:
         """Stand still; it may still get out of the way of the rest of the person."""
         self._see(seen, q)
         return _holding("")
 
     # --- to what is held out ------------------------------------------------------
 
-    def _go_to_object(self, seen: _Seen, q: np.ndarray) -> object:
+    def _go_to_object(self, seen: Seen, q: np.ndarray) -> object:
         """Go before the object, or to rest while it is out of reach."""
         s, T = self.settings, seen.frame.T_base_object
-        reaches = self._reaches
+        executor, offer = self.executor, self.offer
         if T is None:
             return self._go(seen, q, [self._rest])
-        if seen.object_speed < s.still_speed and self._is_between(T):
+        if seen.object_speed < s.still_speed and self.hand.is_between(T):
             return self._stand(seen, q)  # it is put between the fingers: none leaves
         slow = seen.object_speed < 4.0 * s.still_speed
-        moved = self._object_moved(T) and slow and self.state == table.APPROACH
+        moved = offer.moved(T) and slow and self.state == table.APPROACH
         if moved:
-            self._allowance.spend(self._allowance.takes.reach)
-            reaches.begin(T, q)
-            self._taken = None
-        found = [r for r in reaches.found if self._is_ready(r.q_before)]
-        if not self.executor.looks_out:  # which takes as long
-            self._look_along(seen, found)
-        found.sort(key=lambda r: (not self._leads_on(r), self._far(q, r.q_before)))
+            offer.follow(T, q)
+        # an evasion takes as long as to look at a straight motion
+        found = offer.in_order(seen, q, looks=not executor.looks_out)
         goals = [r.q_before for r in found]
         if not found:  # until it is known where it can be grasped now, on to the old
-            looks = not reaches.over and self._goals
+            looks = not offer.reaches.over and self._goals
             goals = self._goals if looks else [self._rest]
         # else a path is looked for, or joined and braked anew
-        self._braked = self._braked + 1 if self.executor.state == BRAKED else 0
-        self._due = self._due or self._braked % self.conduct.braked_every == 0
-        for _ in range(self._allowance.frames):
-            if self._due and not moved and _are_same(goals, self._goals):
-                self._due = not self._prepare()
+        waits = moved or not _are_same(goals, self._goals)
+        offer.prepare(executor.state == BRAKED, waits)
         answer = self._go(seen, q, goals)
         goal = getattr(answer, "goal", None)
         if goal is not None and 0 <= goal < len(found):
-            self._taken = found[goal]
+            offer.taken = found[goal]
         return answer
 
-    def _look_along(self, seen: _Seen, found: list[Reach]) -> None:
-        """Test the straight motion of one grasp, of that looked at longest ago."""
-        known = {id(reach): k for k, (reach, _) in enumerate(self._free_lines)}
-        reach = min(found, key=lambda r: known.get(id(r), -1), default=None)
-        if reach is None:
-            self._free_lines = []
-            return
-        classes = np.array(self.view.classes)
-        classes[seen.people :] = OBJECT
-        with self.view.receiving(classes):
-            free = self.view.line_free(reach.q_before, reach.q, seen.there)
-        others = [one for one in self._free_lines if one[0] is not reach]
-        kept = [one for one in others if any(one[0] is r for r in found)]
-        self._free_lines = [*kept, (reach, free)]
-
-    def _leads_on(self, reach: Reach) -> bool:
-        """Whether the straight motion to the object was free when it was looked at."""
-        return any(free for one, free in self._free_lines if one is reach)
-
-    def _prepare(self) -> bool:
-        """Do one costly thing: join a goal to the roadmap, else look for another.
-
-        Returns:
-            False where that waits for another frame.
-        """
-        waiting = (r.q_before for r in self._reaches.found)
-        goal = next((g for g in waiting if not self._is_ready(g)), None)
-        if goal is None and self._reaches.over:
-            return True
-        takes = self._allowance.takes
-        if not self._allowance.grants(takes.reach if goal is None else takes.prepare):
-            return False
-        if goal is not None:
-            self.planner.prepare_goal(goal)
-        else:
-            self._reaches.work()
-        return True
-
-    def _is_ready(self, goal: np.ndarray) -> bool:
-        """Whether setting a goal is cheap now, or preparing it would not help."""
-        few = self.planner.settings.cached_goals < 2 * self._reaches.settings.kept
-        return few or self.planner.is_prepared(goal)
-
-    def _far(self, q: np.ndarray, other: np.ndarray) -> float:
-        """Return how far a configuration is, in steps: small changes do not count."""
-        off = _most(difference(self.planner.robot, q, other))
-        return round(2.0 * off) / 2.0
-
-    def _close_in(self, seen: _Seen, q: np.ndarray) -> object:
+    def _close_in(self, seen: Seen, q: np.ndarray) -> object:
         """Go straight to the object, where it is now; the pads may touch it."""
         self.view.phase = "receive"
-        T, reach = seen.frame.T_base_object, self._taken
-        if T is None or reach is None:
+        T = seen.frame.T_base_object
+        if T is None or self.offer.taken is None:
             return _holding("the object is not seen")
-        line = self._line
-        if line is None or np.linalg.norm(T[:3, 3] - line[0]) > self.conduct.tracked:
-            q_end = self._reaches.moved_to(reach, T)
-            self._out_of_line = q_end is None
-            self._line = None if q_end is None else (T[:3, 3].copy(), q_end)
-        if self._line is None:
+        q_end = self.offer.end_of_line(T)
+        if q_end is None:
             return _holding("the object is out of reach of the straight motion")
-        return self._follow(seen, q, self._line[1])
+        return self._follow(seen, q, q_end)
 
 
 def _are_same(goals: list[np.ndarray], others: list[np.ndarray]) -> bool:
@@ -1354,87 +911,6 @@ def _holding(reason: str) -> SimpleNamespace:
     return SimpleNamespace(status="holding", path=nowhere, retreat=None, reason=reason)
 
 
-def _checked_places(
-    T_base_place: np.ndarray | None,
-) -> tuple[np.ndarray | None, np.ndarray]:
-    """Return the object's place (4, 4), None: none, and (n, 4, 4) other places."""
-    if T_base_place is None:
-        return None, np.zeros((0, 4, 4))
-    rows = np.asarray(T_base_place, float)
-    if rows.ndim == 2:
-        rows = rows[None]
-    if rows.ndim != 3 or not len(rows):
-        raise BadInput(
-            f"T_base_place has shape {np.shape(T_base_place)}; give one pose (4, 4), "
-            "or several (n, 4, 4), the object's own place first"
-        )
-    places = np.array([check_pose(T, "T_base_place") for T in rows])
-    return places[0], places[1:]
-
-
-def _check_pads(planner: ReactivePlanner) -> None:
-    """Refuse a planner whose finger pads could not let go of anything."""
-    pads, own = planner.settings.finger_pads, gripper_links(planner.robot)
-    if not pads or not set(pads) <= own:
-        raise BadInput(
-            f"the planner's finger pads are {sorted(pads)}, but must be some of the "
-            f"links that the tool carries: {', '.join(sorted(own))}; name those that "
-            "touch an object in PlannerSettings(finger_pads=...)"
-        )
-
-
-def _check_hand(planner: ReactivePlanner, holds: bool) -> None:
-    """Refuse a planner that could not take the object once the fingers close on it."""
-    if not holds and planner.attached is not None:
-        raise BadInput(
-            f"the planner holds {len(planner.attached)} spheres, but this hand-over "
-            "begins with an empty hand; call planner.detach() before"
-        )
-    if planner.cell_map.payload is None and not planner.settings.search:
-        raise BadInput(
-            f"map {planner.cell_map.recipe.name} has no payload layer, and search is 0 "
-            "in the planner's settings, so nothing could be held; set search to 1000, "
-            "or add a [payload] table to the recipe and build it again"
-        )
-
-
-def _check_room(planner: ReactivePlanner, q: np.ndarray) -> None:
-    """Refuse an object that cannot be held where the robot stands."""
-    if not is_valid(planner, q, bare=True):
-        return  # it is not the object's fault, and is told in each frame
-    why = planner.static.why(q, np.zeros_like(q))
-    if why is not None:
-        planner.detach()
-        raise BadInput(
-            f"the object does not fit in where the robot stands: {why}; begin at "
-            "another configuration, or give another grasp T_tool_object"
-        )
-
-
-def _turned(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the angle between two poses [rad]."""
-    cosine = 0.5 * (np.trace(one[:3, :3].T @ other[:3, :3]) - 1.0)
-    return float(np.arccos(min(1.0, max(-1.0, cosine))))
-
-
-def _length(v: np.ndarray) -> float:
-    """Return the length of a vector (3,), to the last bit that of np.linalg.norm."""
-    return math.sqrt(v @ v)
-
-
-def _covering_balls(rods: np.ndarray, n: int = 8) -> np.ndarray:
-    """Return n balls for each of some capsules (k, 7) that hold it, as (k * n, 4)."""
-    balls = beads(rods, n)
-    half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
-    balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))
-    return balls
-
-
 def _most(values: np.ndarray) -> float:
     """Return the largest amount among a few numbers (n,)."""
     return max(map(abs, values.tolist()))
-
-
-def _gap(hand: np.ndarray, obj: np.ndarray) -> float:
-    """Return the distance of hand and object, both (k, 7) capsules [m]."""
-    return min(capsule_gap(a, b) for a in hand for b in obj)

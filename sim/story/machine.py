@@ -7,6 +7,7 @@ and takes the first row of its state whose signal does.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from roadmap.errors import BadInput
 
@@ -160,6 +161,13 @@ RECEIVE = (
 TABLES: Mapping[str, tuple[Row, ...]] = {"give": GIVE, "receive": RECEIVE}
 
 
+class Step(NamedTuple):
+    """One thing to do in a state: "goal", "line", "grip", "take", "let" and others."""
+
+    kind: str
+    value: object = None
+
+
 @dataclass(frozen=True)
 class StoryEvent:
     """What happened.
@@ -207,12 +215,26 @@ class Machine:
         """Whether nothing follows."""
         return self.state in ENDS
 
+    def outcome(self, passed: str) -> str:
+        """Return what came of it: "handed over", or what went wrong.
+
+        `passed` is the signal with which the object changed hands. Empty before the
+        end.
+        """
+        if not self.ended:
+            return ""
+        if any(e.signal == passed and not e.failure for e in self.events):
+            late = [e for e in self.events if e.signal == "lost"]
+            return "handed over" if not late else late[-1].reason
+        failures = [e.reason for e in self.events if e.failure]
+        return failures[-1] if failures else self.reason
+
     def step(self, signals: Collection[str], now: float) -> Row | None:
         """Take the first row that begins here and whose signal holds; return it."""
         for row in self.rows:
             if row.state == self.state and row.signal in signals:
                 self.state, self.since, self.reason = row.then, now, row.reason
-                told = (now, row.then, row.signal, row.reason, row.failure)
-                self.events.append(StoryEvent(*told))
+                args = (now, row.then, row.signal, row.reason, row.failure)
+                self.events.append(StoryEvent(*args))
                 return row
         return None

@@ -111,8 +111,8 @@ class PhasePlanner:
     ) -> int | None:
         """Return the first leg that is no way out from what is held out alone."""
         there.shape_classes[:] = OBJECT
-        told = (path, extra, there, "receive")
-        return self.planner.blocked_leg(*told, escape=self.phase is None)
+        args = (path, extra, there, "receive")
+        return self.planner.blocked_leg(*args, escape=self.phase is None)
 
     def _leg_beside(
         self, path: np.ndarray, extra: float, points: Obstacles

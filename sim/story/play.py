@@ -1,5 +1,6 @@
 """A hand-over played: partner, fingers, wrist and exact audit, frame by frame."""
 
+import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,25 +10,31 @@ import numpy as np
 from handover.human.body import ARM_LABELS
 from handover.human.human import Human
 from odm.cell_map.payload import carried_object
+from odm.checks import AVOID
 from odm.execution.executor import Executor
 from odm.execution.threat import ThreatSettings
+from odm.frame.last_phase import TOUCHED
+from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
+from sim.loop.warmup import exercise
 from sim.people.partner import Partner
+from sim.run.meet import exercise_choice
 from sim.story import machine as table
 from sim.story.cases import EXECUTION, RATE, StoryCase, StorySetup, in_reach
 from sim.story.frame import StoryFrame
-from sim.story.grasping import box_of
-from sim.story.handover import CLOSED, Command, Handover
-from sim.story.machine import StoryEvent
+from sim.story.hand import CLOSED, box_of
+from sim.story.handover import Command, Handover
+from sim.story.machine import DIRECTIONS, StoryEvent
 from sim.story.phase import PhasePlanner
 from sim.story.settings import PARTNER, GripperSettings, StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 
 STANDS = 1e-3  # [m/s] slower than this it stands
 _ROUNDING = 1e-6  # of a share
+_SECONDS = 1.0  # that are played in each direction
 _EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked for
 
 
@@ -415,5 +422,41 @@ def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
     if not best:
         return Partner(body, setup.side, setup.obj, case.traits, gives=True)
     grasp = setup.obj.hand_grasps[best[0].grasp]
-    told = (setup.obj, case.traits, True, best[0].arm_q, grasp)
-    return Partner(body, setup.side, *told)
+    args = (setup.obj, case.traits, True, best[0].arm_q, grasp)
+    return Partner(body, setup.side, *args)
+
+
+def rehearse(setup: StorySetup) -> None:
+    """Compile and load what the frames of a setup's runs may call.
+
+    Loading compiled code takes 5 to 30 ms at its first call, compiling it seconds: in
+    whatever frame first rates a target again, or finds no place to go to.
+    """
+    exercise(setup.cell_map)
+    for direction in DIRECTIONS:
+        run = StoryPlay(setup, StoryCase(direction))
+        play(run, _SECONDS)
+        exercise_choice(run.story.targets)
+        _touch(run)
+    gc.collect()
+    gc.freeze()  # a collection of all that was loaded would be some frame's
+
+
+def _touch(run: StoryPlay) -> None:
+    """Test and evade by the rules of each phase, beside somebody at the hand."""
+    view, planner, q = run.story.view, run.planner, run.setup.rest
+    tool = tool_pose(planner.robot, q)[:3, 3]
+    rows = np.array([[*tool, *tool, 0.05], [*tool + 0.3, *tool + 0.3, 0.05]])
+    for phase in (None, run.case.direction):
+        view.phase, view.person, view.offered = phase, rows[1:], 0
+        view.classes = np.array([TOUCHED.get(phase, AVOID), AVOID], np.int8)
+        view.meant = np.zeros(1, np.int64)
+        answer = planner.step(Obstacles(capsules=rows), q=q)
+        _ = answer.reason, answer.retreat
+        view.line_free(q, q + 1e-3, Obstacles(capsules=rows))
+        view.evasion(q, [(0.1, Obstacles(capsules=rows))], 0.5)
+        view.separation(q)
+    view.phase, view.offered = None, 1
+    m = planner.cell_map.safety.m
+    view.blocked_leg(np.array([q, q + 1e-3]), -m, Obstacles(capsules=rows))
+    view.separation(q)

@@ -77,6 +77,18 @@ class PullDetector:
         """Whether it has lasted."""
         return self.lasted >= self.settings.hold_s - 1e-9
 
+    @property
+    def why_weak(self) -> str:
+        """What to do about a pull that does not count; empty: there is none."""
+        if not self.weak:
+            return ""
+        return (
+            f"somebody pulls with {self.weak:.1f} N, less than the "
+            f"{self.counts_from:.1f} N that count now: pull harder, or give a smaller "
+            "force in StorySettings(pull=PullSettings(force=...)); where nobody pulls, "
+            "tare the sensor, or tell what the object weighs (mass_kg)"
+        )
+
     def forget(self) -> None:
         """Take the next force for that at rest: the hand holds something else now."""
         self._recent.clear()
@@ -124,8 +136,7 @@ class PullDetector:
         off = mean - self._rest
         pull, added = off[:3], math.hypot(*off[3:].tolist())
         if taken is not None and taken.any():
-            hangs = float(pull @ taken) / float(taken @ taken)
-            pull = pull - min(1.0, max(0.0, hangs)) * taken
+            pull = _without(taken, pull)
         self.force = math.hypot(*pull.tolist())
         others = math.inf  # what the object does not account for
         if own is not None:
@@ -165,6 +176,12 @@ class PullDetector:
         self._weak_s += dt
         if self._weak_s >= self.settings.hold_s - 1e-9:
             self.weak, self.counts_from = force, counts_from
+
+
+def _without(weight: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return a force (3,) less as much of a weight (3,) as is in it [N]."""
+    hangs = float(force @ weight) / float(weight @ weight)
+    return force - min(1.0, max(0.0, hangs)) * weight
 
 
 def carried_force(

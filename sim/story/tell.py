@@ -28,14 +28,12 @@ from sim.story.cases import (
     setup_of,
     slow_to_stop,
 )
-from sim.story.film import write_story_film
 from sim.story.machine import StoryEvent
-from sim.story.page import StoryPage
-from sim.story.play import StoryMoment, StoryPlay, StoryResult, play
+from sim.story.play import StoryMoment, StoryPlay, StoryResult, play, rehearse
 from sim.story.record import StoryRecorder
-from sim.story.rehearsal import rehearse
 from sim.story.request import KEYBOARD, MOCAP, DemoRequest
 from sim.story.settings import patience_with
+from sim.story.shown import StoryPage, write_story_film
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
 from sim.terminal.output import stdout_to_stderr

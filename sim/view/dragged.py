@@ -44,8 +44,8 @@ class DraggedPerson:
     @property
     def max_speed(self) -> float:
         """No point of the surface has advanced faster than this [m/s]."""
-        own = self.motion.max_speed
-        return max(own, SPEED) if self._lag > 0 else own
+        speed = self.motion.max_speed
+        return max(speed, SPEED) if self._lag > 0 else speed
 
     def capsules(self, t: float) -> np.ndarray:
         """Return the person at time `t` [s] as (k, 7) capsules a, b, radius [m].

@@ -45,7 +45,7 @@ class Panel:
         self.sentences: list[str] = []
         self._commands: deque[Callable[[], None]] = deque(maxlen=MOST_COMMANDS)
         self._words_at = self._strips_at = -np.inf
-        self._told: dict[str, object] = {}
+        self._shown: dict[str, object] = {}
         runs = source.live or source.span()[1] > source.span()[0]
         self._status = gui.add_html("")
         self._line = gui.add_html("", visible=runs)
@@ -143,7 +143,7 @@ class Panel:
         for layer in show:
             self._boxes[layer].value = True
             self.stage.show(layer, True)
-        self._told.pop("legend", None)
+        self._shown.pop("legend", None)
 
     def draw(self, moment: Moment, clock: float) -> None:
         """Renew what is due; `clock` [s] goes on also where the run stands still."""
@@ -170,11 +170,11 @@ class Panel:
 
     def _place_slider(self, begin: float, end: float) -> None:
         slider, span = self._slider, (round(begin, 2), round(max(end, begin + 0.01), 2))
-        if self._told.get("span") != span:
-            self._told["span"] = span
+        if self._shown.get("span") != span:
+            self._shown["span"] = span
             slider.min, slider.max = span
         slider.value = round(min(max(self.playback.at, span[0]), span[1]), 2)
 
     def _tell(self, name: str, html: object, content: str) -> None:
-        if self._told.get(name) != content:
-            self._told[name] = html.content = content
+        if self._shown.get(name) != content:
+            self._shown[name] = html.content = content

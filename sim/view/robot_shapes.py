@@ -81,12 +81,12 @@ def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
 def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
     """Return a mesh whose corners in a cell of so many metres are one; maybe empty."""
     at = np.floor(np.asarray(mesh.vertices) / cell).astype(np.int64)
-    _, own, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-    own = own.ravel()
+    _, corner_of, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    corner_of = corner_of.ravel()
     corners = np.zeros((len(count), 3))
-    np.add.at(corners, own, mesh.vertices)
+    np.add.at(corners, corner_of, mesh.vertices)
     corners /= count[:, None]
-    faces = own[mesh.faces]
+    faces = corner_of[mesh.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)

@@ -210,8 +210,8 @@ def standing_of_record(record: RunRecord) -> np.ndarray:
         with suppress(BadInput):
             found += [shape for _, shape in parse_scenery((table,)).shapes()]
     for row in record.scene:
-        _, own, pose = shapes_of(row)
-        found += [shape.moved(pose) for shape in own]
+        _, shapes, pose = shapes_of(row)
+        found += [shape.moved(pose) for shape in shapes]
     return all_triangles(found)
 
 

@@ -116,7 +116,7 @@ class Stage:
             name = f"/robot/body_{body}"
             self._bodies[body] = self.scene.add_frame(name, show_axes=False)
         for i, part in enumerate(parts):
-            own = part.colour or (theme.ROBOT if part.body else theme.BASE)
+            colour = part.colour or (theme.ROBOT if part.body else theme.BASE)
             mesh, few = part.mesh, len(part.mesh.faces) < FEW_FACES
             if len(mesh.faces) == 0:
                 continue
@@ -124,7 +124,7 @@ class Stage:
                 f"/robot/body_{part.body}/part_{len(parts)}_{i}",
                 mesh.vertices,
                 mesh.faces,
-                color=own,
+                color=colour,
                 flat_shading=few,
             )
             self._meshes.append(node)

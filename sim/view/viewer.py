@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import util
 from typing import TYPE_CHECKING
 
@@ -214,8 +215,7 @@ class Viewer:
         if now - self._written < EVERY_S:
             return
         self._written = now
-        if capsules is None:
-            capsules = getattr(frame, "capsules", None)
+        capsules = getattr(frame, "capsules", None) if capsules is None else capsules
         moment = Moment(
             time_s=time_s,
             q=np.array(q, float),
@@ -232,14 +232,12 @@ class Viewer:
             rows=self._latest(),
             events=tuple(self._happenings.events[-KEPT_EVENTS:]),
         )
-        letter = pickle.dumps(moment, protocol=5)
-        if not self._down.put(letter) and points is not None:
-            self.show_fewer(moment)
+        self._send(moment)
 
-    def show_fewer(self, moment: Moment) -> None:
-        """Lay a frame into the mailbox whose points are too many, with some of them."""
-        from dataclasses import replace
-
+    def _send(self, moment: Moment) -> None:
+        """Lay a moment into the mailbox; if it has too many points, some of them."""
+        if self._down.put(pickle.dumps(moment, protocol=5)) or moment.points is None:
+            return
         step = len(moment.points) // 50_000 + 1
         fewer = replace(moment, points=moment.points[::step].astype(np.float32))
         self._down.put(pickle.dumps(fewer, protocol=5))

@@ -118,7 +118,7 @@ def test_workers_may_be_killed_in_mid_chunk(tmp_path):
         def kill():
             for _ in range(2):
                 time.sleep(0.3)
-                pids = [w.pid for w in cluster._own.workers.values() if w.pid]
+                pids = [w.pid for w in cluster._local.workers.values() if w.pid]
                 killed.append(pids[0])
                 os.kill(pids[0], signal.SIGKILL)
 

@@ -106,7 +106,7 @@ def brief_rehearsals():
     """Rehearse for a moment: one process compiles once; commands do it in full."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sim.run.places.REHEARSAL_S", 0.2)
-        for caller in ("run.places", "loop.replay", "story.rehearsal"):
+        for caller in ("run.places", "loop.replay", "story.play"):
             patch.setattr(f"sim.{caller}.exercise", exercise_once)
         yield
 

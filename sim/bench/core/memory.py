@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from odm import ReactivePlanner, load_map
+from odm import CellMap, ReactivePlanner, load_map
 from roadmap.errors import BadInput
 from sim.bench.clock import time_row
-from sim.loop.loop import Loop
+from sim.loop.loop import Loop, LoopSettings
+from sim.people.human_motion import HumanMotion
 from sim.people.scenes import before_work_places
 from sim.run.places import DEMO, find_places, person_of, warm_up
 from sim.run.request import RunRequest
@@ -76,12 +77,7 @@ def run(
     rows, memory, late = [], {}, {}
     for person in people:
         (tell or (lambda text: None))(f"{n} frames beside {person.name}")
-        planner = ReactivePlanner(cell_map)
-        places = find_places(planner)
-        person = before_work_places(person, planner.robot, places)
-        warm_up(planner, places, person, settings)
-        loop = Loop(ReactivePlanner(cell_map), planner.robot, places, person, settings)
-        times, looks = _played(loop, n)
+        times, looks = _played(_loop_beside(person, cell_map, settings), n)
         rows += _rows(person.name, times, looks, 1.0 / settings.rate_hz)
         memory[person.name] = looks.tolist()
         late[person.name] = _late(times, 1.0 / settings.rate_hz)
@@ -94,6 +90,17 @@ def run(
         "memory": memory,
         "late": late,
     }
+
+
+def _loop_beside(
+    person: HumanMotion, cell_map: CellMap, settings: LoopSettings
+) -> Loop:
+    """Return a loop beside a person whose frames are warmed up."""
+    planner = ReactivePlanner(cell_map)
+    places = find_places(planner)
+    person = before_work_places(person, planner.robot, places)
+    warm_up(planner, places, person, settings)
+    return Loop(ReactivePlanner(cell_map), planner.robot, places, person, settings)
 
 
 def _played(loop: Loop, n: int) -> tuple[np.ndarray, np.ndarray]:

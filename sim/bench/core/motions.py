@@ -68,11 +68,8 @@ def run(
         of timed runs says where the time goes, see `sim.bench.lost_time`.
     """
     names = tuple(motions or (n for n in motion_names() if n not in SCENES))
-    for name in names:
-        make_motion(name, seed)  # a wrong name is refused before any work
     files = tuple(str(file) for file in files)
-    for file in files:
-        person_of(RunRequest(Path(map_dir), "mocap", file=Path(file)))
+    _check_people(map_dir, names, files, seed)
     if short:
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
@@ -83,12 +80,8 @@ def run(
     alone = _played((*shared, *jobs[0], None))
     jobs = [(*shared, *job, alone["trip_s"]) for job in jobs[1:]]
     runs = play_all(_played, jobs, processes, tell)
-    rows = [value_row("nobody: trips a minute", alone["trips_per_minute"], "")]
-    for name in (*names, *(Path(file).stem for file in files)):
-        own = [r for r in runs if r["motion"] == name]
-        rows += _rows(name, own, alone["trips_per_minute"], execution, pushed)
-    if runs and all("evadable" in r for r in runs):
-        rows += _standing_rows(runs)
+    every = *names, *(Path(file).stem for file in files)
+    rows = _all_rows(every, alone, runs, execution, pushed)
     split = [run for run in runs if "lost" in run]
     setup = {"seconds of each run": seconds, "seeds": seeds, "first seed": seed}
     setup["execution"] = execution
@@ -103,6 +96,30 @@ def run(
         "tables": [lost_time_table(split)] if split else [],
         "runs": [alone, *runs],
     }
+
+
+def _check_people(
+    map_dir: str | Path, names: Sequence[str], files: Sequence[str], seed: int
+) -> None:
+    """Refuse a wrong name or file before any work."""
+    for name in names:
+        make_motion(name, seed)
+    for file in files:
+        person_of(RunRequest(Path(map_dir), "mocap", file=Path(file)))
+
+
+def _all_rows(
+    names: Sequence[str], alone: dict, runs: list[dict], execution: str, pushed: bool
+) -> list[dict]:
+    """Return the figures of the run alone, of each motion, and of all contacts."""
+    trips = alone["trips_per_minute"]
+    rows = [value_row("nobody: trips a minute", trips, "")]
+    for name in names:
+        beside = [r for r in runs if r["motion"] == name]
+        rows += _rows(name, beside, trips, execution, pushed)
+    if runs and all("evadable" in r for r in runs):
+        rows += _standing_rows(runs)
+    return rows
 
 
 def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) -> dict:

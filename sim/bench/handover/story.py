@@ -15,8 +15,7 @@ from sim.people.partner import PartnerTraits
 from sim.run.meet import reach_map_of
 from sim.story.cases import StoryCase, pads_of, setup_of, slow_to_stop
 from sim.story.machine import DIRECTIONS
-from sim.story.play import RATE, StoryPlay, play
-from sim.story.rehearsal import rehearse
+from sim.story.play import RATE, StoryPlay, play, rehearse
 from sim.story.tell import figures_of
 from sim.tables.header import header
 from sim.tables.table import value_row

@@ -82,25 +82,9 @@ def run(
     distances = tuple(distances or DISTANCES)
     if not 0 < seconds < np.inf:
         raise BadInput(f"{seconds} s of each run are none; give seconds above 0")
-    asked = RunRequest(
-        Path(map_dir),
-        MOTION,
-        seconds,
-        execution=execution,
-        targets="meet",
-        reach=None if reach is None else Path(reach),
-    )
-    jobs = [
-        replace(asked, seed=seed + k, between=(distance, distance), **more)
-        for more in (
-            {},
-            {"dwell": DWELL_S, "audit_s": 0.0},
-            {"motion": TREMBLE, "audit_s": 0.0},
-        )
-        for k, distance in enumerate(distances)
-    ]
-    for job in jobs:  # a wrong distance or setting is refused before any work
-        settings_of(job, MeetTask(job).person())
+    asked = RunRequest(Path(map_dir), MOTION, seconds, execution=execution)
+    asked = replace(asked, targets="meet", reach=reach and Path(reach))
+    jobs = _jobs(asked, seed, distances)
     cell_map = load_map(map_dir, verify=False)
     tell("reach map")
     found = reach_map_of(cell_map.robot, asked.reach, lambda *progress: None)
@@ -114,6 +98,19 @@ def run(
         "tables": _tables(runs),
         "runs": runs,
     }
+
+
+def _jobs(asked: RunRequest, seed: int, distances: Sequence[float]) -> list[RunRequest]:
+    """Return what to run; a wrong distance or setting is refused before any work."""
+    kinds = {}, {"dwell": DWELL_S, "audit_s": 0.0}, {"motion": TREMBLE, "audit_s": 0.0}
+    jobs = [
+        replace(asked, seed=seed + k, between=(distance, distance), **more)
+        for more in kinds
+        for k, distance in enumerate(distances)
+    ]
+    for job in jobs:
+        settings_of(job, MeetTask(job).person())
+    return jobs
 
 
 def _setup(asked: RunRequest, found: ReachMap, seed: int, processes: int) -> dict:

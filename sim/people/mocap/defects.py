@@ -119,9 +119,9 @@ def _ahead_of_feet(joints: dict[str, np.ndarray], ahead: np.ndarray) -> np.ndarr
     found = []
     for foot, toe in zip(FEET, TOES, strict=True):
         if foot in joints and toe in joints:
-            way = joints[toe] - joints[foot]
-            told = np.linalg.norm(way[:, :2], axis=1) > TOE
-            found.append(np.where(told, (way * ahead).sum(axis=1), np.nan))
+            along = joints[toe] - joints[foot]
+            told = np.linalg.norm(along[:, :2], axis=1) > TOE
+            found.append(np.where(told, (along * ahead).sum(axis=1), np.nan))
     if not found:
         return np.zeros(0)
     both = np.mean(found, axis=0)

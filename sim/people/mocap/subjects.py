@@ -61,11 +61,11 @@ class Roll:
         for (subject, plain), name in self._names.items():
             if subject not in self.subjects:
                 loose.setdefault(plain, name)
-        own = [
+        groups = [
             {p: name for (s, p), name in self._names.items() if s == subject}
             for subject in self.subjects
         ]
-        return [*(loose | one for one in own), loose]
+        return [*(loose | one for one in groups), loose]
 
     def of(self, names: Iterable[str]) -> list[str]:
         """Return the subjects of these bodies, as the recording spells them."""

@@ -12,8 +12,7 @@ from odm.approach.approach import Approacher
 from odm.approach.approach_answer import ApproachSettings
 from odm.approach.tool_line import Line, ToolKinematics
 from odm.audit.exact import ExactRobot, obstacles_of
-from odm.obstacles.face_samples import box_faces
-from odm.obstacles.surfaces import rounded_covering
+from odm.obstacles.surfaces import box_faces, rounded_covering
 from roadmap.errors import BadInput
 from roadmap.geometry.spheres import cover_excess, robot_solids
 from roadmap.kinematics.forward import difference, tool_pose

@@ -1,11 +1,7 @@
 """Searches long enough to look at past ways and to settle all items at once."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from scipy.sparse.csgraph import dijkstra
-from small import small_recipe
 
 import odm
 from odm.planner.settings import PlannerSettings
@@ -20,15 +16,6 @@ from roadmap.kinematics.forward import tool_pose
 
 NO_MOTION = -4
 SETTINGS = PlannerSettings(start_connections=1, close_test_connections=0)
-
-
-@pytest.fixture(scope="module")
-def wide_map():
-    """4000 nodes for three joints: a search round an obstacle closes hundreds."""
-    recipe = small_recipe()
-    return odm.build_map(
-        replace(recipe, roadmap=replace(recipe.roadmap, nodes=4000, neighbors=8))
-    )
 
 
 def standing_at_nodes(wide_map, a, b):

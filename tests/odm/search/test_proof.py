@@ -1,10 +1,7 @@
 """What the last search showed: it holds while all that blocked the way does."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from small import small_recipe
 
 import odm
 from odm.planner.settings import PlannerSettings
@@ -13,15 +10,6 @@ from roadmap.kinematics.forward import tool_pose
 
 NO_MOTION = -4
 SETTINGS = PlannerSettings(close_test_connections=2, search=0)
-
-
-@pytest.fixture(scope="module")
-def wide_map():
-    """4000 nodes for three joints: a search round an obstacle closes hundreds."""
-    recipe = small_recipe()
-    return odm.build_map(
-        replace(recipe, roadmap=replace(recipe.roadmap, nodes=4000, neighbors=8))
-    )
 
 
 def standing(wide_map, q, goals):

@@ -35,7 +35,7 @@ from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
-from sim.story.grasping import held_farther_out
+from sim.story.hand import held_farther_out
 from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult, new_story
 from sim.story.record import StoryRecorder, play_again, same
@@ -112,7 +112,7 @@ def test_each_tool_has_its_own_place_and_the_others_stand_about(meet_maps):
         ]
         human = LadderCase.drawn_at(0).body()
         story = new_story(setup, StorySettings(direction="receive"), human)
-        assert np.array_equal(story._T_place, own) and not len(story._T_others)
+        assert np.array_equal(story.placing.T_places, own[None])
 
 
 class Run:

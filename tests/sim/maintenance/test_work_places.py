@@ -12,7 +12,8 @@ from roadmap.errors import BadInput
 from sim.maintenance import cases
 from sim.maintenance.cases import LadderCase
 from sim.story.cases import AT_PLACE, BACK
-from sim.story.grasping import Reaches, box_of, quarter_turns
+from sim.story.grasping import Reaches
+from sim.story.hand import box_of, quarter_turns
 from sim.story.request import ARMAR3, DemoRequest
 
 ARMAR = cases.WORK_PLACES[ARMAR3]

@@ -13,7 +13,8 @@ from odm.execution.threat import ThreatSettings, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import sphere_centers
 from sim.story.comfort import Berth, comfort_rods
-from sim.story.handover import Handover, Step
+from sim.story.handover import Handover
+from sim.story.machine import Step
 from sim.story.settings import ComfortSettings, ConductSettings
 
 

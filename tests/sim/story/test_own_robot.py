@@ -24,19 +24,11 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
-from sim.story import grasping
+from sim.story import hand as hand_module
 from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
-from sim.story.grasping import (
-    Reach,
-    Reaches,
-    check_grasps,
-    held_farther_out,
-    quarter_turns,
-    straight_back,
-    too_near,
-)
-from sim.story.handover import Step
-from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine
+from sim.story.grasping import Reach, Reaches, straight_back
+from sim.story.hand import check_grasps, held_farther_out, quarter_turns, too_near
+from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine, Step
 from sim.story.play import new_story
 from sim.story.settings import PARTNER, GraspingSettings
 
@@ -134,7 +126,7 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
 def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatch):
     story, human = story_of(maps)
     story.machine = Machine(TABLES["give"], FETCH)  # as with a T_base_place
-    story.holding, story.fingers = False, "open"
+    story.hand.holding, story.hand.fingers = False, "open"
     above = story.executor.set_point.q
     story._steps = [Step("goal", [above]), Step("line", above), Step("grip", "closed")]
 
@@ -259,9 +251,9 @@ def test_who_was_driven_off_against_the_object_backs_out_first(
     )
     story, human = story_of(maps, node=low, before=0.0, blocked_s=0.05)
     story.machine = Machine(TABLES["give"], FETCH)
-    story.holding, story.fingers = False, "open"
+    story.hand.holding, story.hand.fingers = False, "open"
     q = story.executor.set_point.q
-    T = tool_pose(story.planner.robot, q) @ story._T_tool_object
+    T = tool_pose(story.planner.robot, q) @ story.hand.T_tool_object
     if not beside:
         T = pose_of((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)) @ T
     story._steps = [Step("goal", [q + 0.1]), Step("line", q), Step("grip", "closed")]
@@ -280,8 +272,8 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     story, human = story_of(maps, blocked_s=0.05)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    story._T_place = index.T_base_tool[near] @ story._T_tool_object
-    story.holding, story.fingers = False, "open"
+    story.placing.T_places = (index.T_base_tool[near] @ story.hand.T_tool_object)[None]
+    story.hand.holding, story.hand.fingers = False, "open"
     story.machine = Machine(TABLES["give"], FETCH)
     story._enter()
     first = story._steps[0].value[0]
@@ -309,7 +301,7 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
             since.append(now)
             far = 0.2 - 0.1 * min(1.0, max(0.0, now - since[0] - 1.0))
             T = tool_pose(story.planner.robot, story.executor.set_point.q)
-            place = (T @ story._T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
+            place = (T @ story.hand.T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
             seen[hand, :3] = seen[hand, 3:6] = place
         if story._last is not None:
             gaps.setdefault(story.state, []).append(story._last.hand_gap)
@@ -329,13 +321,13 @@ def at_a_place(maps, direction, state):
     story, human = story_of(maps, direction)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    story.placing.T_places = (index.T_base_tool[near] @ story.hand.T_tool_object)[None]
     if state == FETCH:
-        story.holding, story.fingers = False, "open"
+        story.hand.holding, story.hand.fingers = False, "open"
         story.planner.detach()
     else:
-        story.holding, story.fingers = True, "closed"
-        story.planner.attach(story._carried, story._T_tool_object)
+        story.hand.holding, story.hand.fingers = True, "closed"
+        story.planner.attach(story.hand.carried, story.hand.T_tool_object)
     story.machine = Machine(TABLES[direction], state)
     story._enter()
     return story, human
@@ -366,7 +358,8 @@ def test_what_the_fingers_hold_is_in_the_map_from_the_first_frame_to_the_last(
 def test_an_object_at_its_place_may_touch_what_it_stands_on_and_nobody(maps):
     story, human = at_a_place(maps, "receive", PUT_DOWN)
     view, planner, robot = story.view, story.planner, story.planner.robot
-    reach = story._reach_at_place()
+    look = story.placing.look_for_grasps()
+    reach = look.first(story.placing.T_places[0], story.executor.set_point.q)[0]
     T, held = tool_pose(robot, reach.q), planner.attached
     low = T[:3, :3] @ held[held[:, 2].argmax(), :3] + T[:3, 3]  # the end in front
     ball = np.array([[*low, *low, 0.01]])
@@ -414,7 +407,9 @@ def test_a_place_is_looked_for_one_start_a_frame_and_then_gone_to(maps, monkeypa
         assert starts[-1] <= 1 and len(starts) < 60
     assert 0 < sum(starts) < len(starts)
     kinds = [step.kind for step in story._steps]
-    assert kinds == ["goal", "line", "grip", "let", "line"] and not story._placeless
+    assert (
+        kinds == ["goal", "line", "grip", "let", "line"] and not story.placing.placeless
+    )
 
 
 def test_an_object_that_moves_is_followed_by_one_start_a_frame(maps, monkeypatch):
@@ -437,7 +432,7 @@ def test_an_object_that_moves_is_followed_by_one_start_a_frame(maps, monkeypatch
         frame = sim.StoryFrame(PERIOD * k, human, None, T_base_object=T)
         story.update(frame)
         goals.append([q is rest for q in story._goals])
-    assert max(starts) == 1 and len(story._reaches.found)
+    assert max(starts) == 1 and len(story.offer.reaches.found)
     first = goals.index([False])
     assert first < 60 and not any(any(g) for g in goals[first:])
 
@@ -500,11 +495,11 @@ def test_a_hand_that_trembles_holds_still_and_one_that_goes_on_does_not(maps):
         for k in range(n):
             T = pose_of((x_of(PERIOD * k), 0.0, 1.0), (0.0, 0.0, 0.0))
             frame = sim.StoryFrame(PERIOD * k, human, T_base_object=T)
-            yield story._speed_of_object(frame)
+            yield story.sight.speed_of_object(frame)
 
     trembling = list(speeds(lambda t: 0.005 * np.sin(2 * np.pi * 4.0 * t)))
     assert 0.0 < max(trembling[20:]) < story.settings.still_speed
-    story._speed_of_object(sim.StoryFrame(0.0, human))  # out of sight
+    story.sight.speed_of_object(sim.StoryFrame(0.0, human))  # out of sight
     assert list(speeds(lambda t: 0.2 * t))[-1] == pytest.approx(0.2)
 
 
@@ -634,7 +629,7 @@ def test_what_the_map_has_no_room_for_is_not_closed_on(maps, narrow):
     for aside, states in ((0.004, ["close"]), (0.008, ["wait", "close"])):
         story, told = receive(maps, lambda story: True, before=0.0, aside=aside)
         assert told[: len(states)] == states and story.outcome == "handed over"
-        assert np.abs(story._T_tool_object[:3, 3] - narrow).max() <= 0.005
+        assert np.abs(story.hand.T_tool_object[:3, 3] - narrow).max() <= 0.005
 
 
 def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_frame(
@@ -680,7 +675,7 @@ def test_it_waits_before_an_object_with_room_to_spare(maps):
     """8 mm beyond the clearance it crept before it, braked, until its time was up."""
     story, states = receive(maps, lambda story: True, back=0.006)
     assert states == ["wait", "close", "retreat", "put_down", "kept"]
-    found, T = story._reaches.found, story._reaches._T
+    found, T = story.offer.reaches.found, story.offer.reaches._T
     assert min(reach.room for reach in found) >= story.settings.room == 0.02
     robot = story.planner.robot
     for reach in found:
@@ -689,14 +684,14 @@ def test_it_waits_before_an_object_with_room_to_spare(maps):
         assert story.settings.back < far < 0.1  # longer, by what its room asks for
     calm = replace(PARTNER, acceleration=0.5)  # else a slow robot asks for more room
     story, _ = story_of(maps, "receive", back=0.006, room=0.0, threat=calm)
-    story._reaches.begin(T, found[0].q)
-    assert 0.0 < story._reaches.found[0].room < 0.01
+    story.offer.reaches.begin(T, found[0].q)
+    assert 0.0 < story.offer.reaches.found[0].room < 0.01
 
 
 def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
     story, _ = story_of(maps, "receive")
-    T = story.targets.finder.index.T_base_tool[0] @ story._T_tool_object
-    look = story._reaches
+    T = story.targets.finder.index.T_base_tool[0] @ story.hand.T_tool_object
+    look = story.offer.reaches
     rooms = iter([0.004, 0.001, 0.03])
     look._before = lambda T, q: (q, next(rooms, 0.002))
     look._can_come = look._can_leave = lambda *told: True
@@ -710,7 +705,7 @@ def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
 
 def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(maps):
     story, _ = story_of(maps, "receive")
-    planner, capsules = story.planner, story._obj.capsules
+    planner, capsules = story.planner, story.hand.obj.capsules
     nodes = story.targets.finder.index.nodes
     check_grasps(planner, story.grasps, capsules, nodes)  # the flange is the pad
     told = {"robot": planner.robot, "cover": planner.cover, "extra": 0.0}
@@ -728,7 +723,7 @@ def test_a_grasp_at_which_the_hand_itself_is_too_near_is_refused_with_a_remedy(m
 def test_a_grasp_at_which_the_arm_behind_the_pads_is_too_near_is_refused(maps):
     """A robot without a hand takes with its last link: who is before it is no pad."""
     story, _ = story_of(maps, "receive")
-    planner, capsules = story.planner, story._obj.capsules
+    planner, capsules = story.planner, story.hand.obj.capsules
     nodes = story.targets.finder.index.nodes
     into = np.array(story.grasps)
     into[:, 2, 3] = 0.0
@@ -760,7 +755,7 @@ def test_the_wrench_is_held_as_far_out_as_hand_and_arm_ask_and_no_farther(
     again = held_farther_out(planner, setup.obj, index.nodes, spare)
     assert again.T_tool_object[2, 3] == setup.obj.T_tool_object[2, 3]
     nearer = setup.obj.held_by(T)
-    monkeypatch.setattr(grasping, "_GRASPING", GraspingSettings(most_out=0.001))
+    monkeypatch.setattr(hand_module, "_GRASPING", GraspingSettings(most_out=0.001))
     assert held_farther_out(planner, nearer, index.nodes, spare) is nearer
 
 
@@ -773,7 +768,7 @@ def test_no_grasp_is_found_whose_straight_motion_the_object_itself_blocks(maps):
         grasps = np.array(story.grasps)
         grasps[:, 2, 3] += out - 0.05
         grasps = grasps[:1]
-        beside = story._obj.capsules, story.settings.room
+        beside = story.hand.obj.capsules, story.settings.room
         look = Reaches(planner, index, grasps, 0.10, None, *beside)
         blind = Reaches(planner, index, grasps, 0.10)
         for one in (look, blind):
@@ -797,7 +792,7 @@ def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     assert np.array_equal(asked[0], story.grasps)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    T_place = index.T_base_tool[near] @ story._T_tool_object
+    T_place = index.T_base_tool[near] @ story.hand.T_tool_object
     told = story.planner, story.targets, story.executor, sim.StorySettings()
     assert sim.Handover(*told, T_base_place=T_place).fetches and len(asked) == 2
     assert np.array_equal(asked[1], story.grasps)
@@ -1066,8 +1061,8 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
     story, _ = story_of(maps, "receive")
     q = story.executor.set_point.q
     found = [Reach(q + off, q + off, np.eye(4)) for off in (0.1, 0.6, 1.2)]
-    story._reaches.found, story._reaches._T = found, FAR
-    story._reaches._queue = []
+    story.offer.reaches.found, story.offer.reaches._T = found, FAR
+    story.offer.reaches._queue = []
     free = [False, True, False]
 
     def line_free(view, begin, end, there):
@@ -1075,7 +1070,7 @@ def test_a_grasp_whose_motion_to_the_object_is_free_is_gone_to_first(maps, monke
         return free[[r.q is end for r in found].index(True)]
 
     monkeypatch.setattr(sim.PhasePlanner, "line_free", line_free)
-    monkeypatch.setattr(type(story), "_is_ready", lambda self, goal: True)
+    monkeypatch.setattr(Reaches, "is_ready", lambda self, goal: True)
     set_to = []
     monkeypatch.setattr(
         type(story), "_set_goals", lambda self, goals: set_to.append(goals)
@@ -1111,7 +1106,7 @@ def test_the_arm_that_takes_is_no_reason_to_evade_but_what_evades_stops_for_it(
         assert story.view.phase == "give"
         assert len(threat.error) == len(classes) == len(human.labels)
         assert np.array_equal(
-            human.labels[meant], human.labels[story._parts(human.labels)[1]]
+            human.labels[meant], human.labels[story.sight.parts(human.labels)[1]]
         )
         touchable = human.labels[classes == odm.CONTACT]
         assert set(touchable) == {handover.Part.RIGHT_HAND} and len(meant) > 1
@@ -1155,7 +1150,7 @@ def test_a_motion_that_could_not_be_tested_leaves_the_phase_as_it_was(
 
     monkeypatch.setattr(sim.PhasePlanner, "line_free", line_free)
     with pytest.raises(KeyboardInterrupt):
-        story._look_along(story._last, [Reach(q, q, np.eye(4))])
+        story.offer.look_along(story._last, [Reach(q, q, np.eye(4))])
     assert story.view.classes is classes and view_is_plain(story)
 
 
@@ -1310,8 +1305,8 @@ def test_who_is_still_on_the_way_when_the_time_is_over_says_so(
         story.targets.pursuit = replace(story.targets.pursuit, key=3)
         monkeypatch.setattr(story.targets, "note", lambda *told: None)
         q = story.executor.set_point.q
-        monkeypatch.setattr(story, "_taken", SimpleNamespace(q=q, q_before=q))
-        monkeypatch.setattr(story, "_far", lambda *told: 0.0)
+        monkeypatch.setattr(story.offer, "taken", SimpleNamespace(q=q, q_before=q))
+        monkeypatch.setattr(story.offer, "_far", lambda *told: 0.0)
         for name in ("update", "advance"):
             monkeypatch.setattr(type(story.executor), name, lambda *told: None)
         monkeypatch.setattr(story, "_signals_of_place", lambda *told: {})
@@ -1347,7 +1342,7 @@ def test_what_was_held_out_in_reach_is_not_said_to_have_been_out_of_it(
     story, human = story_of(maps, "receive", wait_s=0.1)
     monkeypatch.setattr(story, "_plan", lambda *_: SimpleNamespace(**HOLDS))
     if known:
-        story._reaches.found, story._reaches._T = [None], FAR
+        story.offer.reaches.found, story.offer.reaches._T = [None], FAR
     for k in range(13):
         seen = human, pulled(0.0), True, False, FAR
         story.update(sim.StoryFrame(PERIOD * k, *seen))

@@ -14,10 +14,10 @@ from sim.cli import run_command
 from sim.draw.cover_world import CoverWorld
 from sim.story import cases
 from sim.story.cases import StoryCase, setup_of, upright, with_room_for
-from sim.story.film import write_story_film
 from sim.story.play import StoryPlay
 from sim.story.record import StoryRecorder
 from sim.story.request import DemoRequest
+from sim.story.shown import write_story_film
 from sim.story.tell import _about_envelope, _about_place, _run_of
 from sim.story.wrist import PlainWrist
 

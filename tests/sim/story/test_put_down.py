@@ -15,12 +15,13 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.record.people import held_told
-from sim.story import cases, grasping
-from sim.story import handover as story_module
+from sim.story import cases, grasping, placing
 from sim.story.cases import other_places, setup_of
-from sim.story.grasping import Reaches, quarter_turns
-from sim.story.handover import _checked_places, _covering_balls
+from sim.story.frame import covering_balls
+from sim.story.grasping import Reaches
+from sim.story.hand import quarter_turns
 from sim.story.machine import PUT_DOWN, TABLES, Machine
+from sim.story.placing import Placing, checked_places
 from sim.story.play import new_story
 from sim.story.record import object_of, story_of
 from sim.story.settings import AT_PLACE, HELD_AT_PLACE
@@ -42,8 +43,8 @@ def story_at(setup, **settings):
     human = handover.Human().placed(3.0, 0.0, np.pi)
     settings = sim.StorySettings(direction="receive", **{**QUICK, **settings})
     story = new_story(setup, settings, human)
-    story.holding, story.fingers = True, "closed"
-    story.planner.attach(story._carried, story._T_tool_object)
+    story.hand.holding, story.hand.fingers = True, "closed"
+    story.planner.attach(story.hand.carried, story.hand.T_tool_object)
     story.machine = Machine(TABLES["receive"], PUT_DOWN)
     story._enter()
     return story, human
@@ -63,7 +64,7 @@ def put_down(story, human, seconds, there):
         story.update(sim.StoryFrame(now, human, None, **told))
         if story.fingers == "open" and at is None:
             T = tool_pose(story.planner.robot, story.executor.set_point.q)
-            at, since = (T @ story._T_tool_object)[:3, 3], now
+            at, since = (T @ story.hand.T_tool_object)[:3, 3], now
         opened = at is not None and now > since + 0.15
         if story.ended:
             break
@@ -81,8 +82,8 @@ def beside_what_it_put_down(setup, **conduct):
     human = handover.Human().placed(3.0, 0.0, np.pi)
     settings = sim.StorySettings(direction="receive", **QUICK)
     story = new_story(setup, settings, human)
-    story.conduct = replace(story.conduct, **conduct)
-    story.planner.attach(story._carried, story._T_tool_object)
+    story.sight.conduct = replace(story.conduct, **conduct)
+    story.planner.attach(story.hand.carried, story.hand.T_tool_object)
     story.machine = Machine(TABLES["receive"], PUT_DOWN)
     story._let_go()
     return story, human
@@ -107,7 +108,7 @@ def grows(threat, time=0.3):
 
 def at_hand(story):
     q = story.executor.set_point.q
-    return tool_pose(story.planner.robot, q) @ story._T_tool_object
+    return tool_pose(story.planner.robot, q) @ story.hand.T_tool_object
 
 
 def test_what_was_put_down_does_not_start_off_where_nobody_can_get_to_it(setup):
@@ -138,7 +139,7 @@ def test_anything_else_may_start_off_at_once(setup, why):
     if why == "taken":
         story._take()
         story.planner.detach()
-        story.holding = False
+        story.hand.holding = False
 
     def seen(now):
         x = 0.3 * now if why == "moves" else 0.05 if why == "elsewhere" else 0.0
@@ -151,7 +152,7 @@ def test_anything_else_may_start_off_at_once(setup, why):
 def test_the_balls_that_stand_for_an_object_hold_it(rng):
     rods = rng.uniform(-0.3, 0.3, (5, 7))
     rods[:, 6] = rng.uniform(0.005, 0.05, 5)
-    balls = _covering_balls(rods)
+    balls = covering_balls(rods)
     for k, row in enumerate(rods):
         along = row[:3] + rng.uniform(0, 1, (400, 1)) * (row[3:6] - row[:3])
         away = rng.normal(size=(400, 3))
@@ -214,11 +215,11 @@ def test_who_creeps_beside_the_person_goes_to_another_place(setup):
     story.update(sim.StoryFrame(0.0, human, None, False, True))
     while story._step.kind == "place":
         story.update(sim.StoryFrame(story._now + PERIOD, human, None, False, True))
-    assert story._places.now == 0
+    assert story.placing.places.now == 0
     for k in range(120):
         story._hindered_s += PERIOD  # slowed in each frame
         story.update(sim.StoryFrame(story._now + PERIOD, human, None, False, True))
-    assert story._places.now not in (0, None)
+    assert story.placing.places.now not in (0, None)
 
 
 def test_the_other_places_carry_the_object_and_nothing_else_is_there(setup):
@@ -265,7 +266,7 @@ def test_the_hand_keeps_clear_of_what_the_object_is_put_onto(setup, monkeypatch)
     planner, grasps = setup.planner(), quarter_turns(setup.obj.T_tool_object)
 
     def found():  # on solid 0
-        told = planner, setup.index, grasps, 0.1, story._carried, None, 0.0, 0
+        told = planner, setup.index, grasps, 0.1, story.hand.carried, None, 0.0, 0
         reaches = Reaches(*told, AT_PLACE)
         reaches.begin(setup.T_others[0], setup.rest)
         while not reaches.over and not reaches.found:
@@ -284,7 +285,7 @@ def test_the_hand_keeps_clear_of_what_the_object_is_put_onto(setup, monkeypatch)
 
 def test_one_grasp_is_looked_for_from_as_many_nodes_as_four(setup):
     story, _ = story_at(setup)
-    look = story._looks_at_place()
+    look = story.placing.look_for_grasps()
     look.begin(setup.T_place, setup.rest)
     four = Reaches(
         setup.planner(), setup.index, quarter_turns(setup.obj.T_tool_object), 0.1
@@ -356,23 +357,23 @@ def test_where_all_that_were_found_are_blocked_others_are_looked_for(setup):
 def test_what_cannot_be_put_down_again_is_taken_all_the_same(setup, monkeypatch):
     """With a grasp that can be put down if one reaches; else with any that does."""
     able = np.array([False, False, True, False])
-    monkeypatch.setattr(story_module.Handover, "_placeable", lambda *_: able)
+    monkeypatch.setattr(Placing, "_placeable", lambda *_: able)
     story, _ = story_at(setup)
     grasps = quarter_turns(setup.obj.T_tool_object)
-    assert story._reaches._first == 1
-    assert np.allclose(story._reaches.T_tool_object, grasps[[2, 0, 1, 3]])
+    assert story.offer.reaches._first == 1
+    assert np.allclose(story.offer.reaches.T_tool_object, grasps[[2, 0, 1, 3]])
     able[:] = False
     story, _ = story_at(setup)
-    assert story._reaches._first == 4
+    assert story.offer.reaches._first == 4
 
 
 def test_places_are_poses_its_own_first(setup):
     human = handover.Human().placed(3.0, 0.0, np.pi)
     story = new_story(setup, sim.StorySettings(direction="receive"), human)
-    assert np.allclose(story._T_place, setup.T_place)
-    assert np.allclose(story._T_others, setup.T_others)
+    assert np.allclose(story.placing.T_places[0], setup.T_place)
+    assert np.allclose(story.placing.T_places[1:], setup.T_others)
     with pytest.raises(BadInput, match=r"T_base_place has shape \(3,\); give one"):
-        _checked_places(np.zeros(3))
+        checked_places(np.zeros(3))
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -403,7 +404,7 @@ def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(
         del known[name]
     human = handover.Human().placed(3.0, 0.0, np.pi)
     story = story_of(setup, {"settings": known, "fetch": False}, human)
-    assert not len(story._T_others) and story._T_place is not None
+    assert len(story.placing.T_places) == 1
     assert story.settings.put_down_s == 12.0 < story.settings.place_s
 
 
@@ -424,7 +425,7 @@ def test_configurations_that_somebody_is_in_the_way_of_are_passed_by(
     setup, monkeypatch
 ):
     settings = replace(HELD_AT_PLACE, kept=1)
-    monkeypatch.setattr(story_module, "HELD_AT_PLACE", settings)
+    monkeypatch.setattr(placing, "HELD_AT_PLACE", settings)
     story, human = story_at(setup, blocked_s=5.0)
     tried = []
     free = story.view.line_free

@@ -1,20 +1,24 @@
-"""A hand-over as a film: robot, person, object, and what the story says."""
+"""A hand-over shown: on a page while it is played, as a film when it was recorded."""
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
 from roadmap.chunks import Progress
-from roadmap.geometry.gaps import beads
+from roadmap.geometry.gaps import beads, moved_rods
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
 from sim.draw.viewpoint import Camera, clearest, framed
+from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.record.run_record import RunRecord
+from sim.story.play import RATE, StoryMoment, StoryPlay
+from sim.view.running import LivePage
 
 _COLOURS = {
     "fetch": FAINT,
@@ -31,6 +35,62 @@ _THING = -1  # the label of what is handed over
 _STEPS, _STEP_BACK = 12, 1.05  # of the camera, until all heads are in the picture
 _BEADS = 12  # along a capsule
 _LONGEST = 240  # pictures; a longer story is shown in fewer a second
+
+
+class StoryPage(LivePage):
+    """The page beside `odm demo handover`: each moment, at the clock's pace.
+
+    `hear` waits for the clock where it is `paced`; else somebody else does.
+    """
+
+    def __init__(
+        self,
+        run: StoryPlay,
+        port: int | None = None,
+        host: str | None = None,
+        token: str | None = None,
+        paced: bool = True,
+    ) -> None:
+        self.run, self._paced = run, paced
+        cell_map, where = run.setup.cell_map, (port, host, token)
+        label = f"{cell_map.robot.name}: {run.case.direction}"
+        super().__init__(cell_map, run.planner, where, rate_hz=RATE, label=label)
+        self._rows = np.zeros((0, 5))
+        self._n_told = 0  # events
+
+    def hear(self, moment: StoryMoment) -> None:
+        """Show a moment, and wait until the clock has come as far."""
+        rows, story = moment.capsules, self.run.story
+        if moment.T_object is not None:
+            thing = moved_rods(self.run.setup.obj.capsules, moment.T_object)
+            rows = np.vstack([rows, thing])
+        answer = story.answer
+        if isinstance(answer, SimpleNamespace) and not answer.reason:
+            if answer.status == "holding":  # it waits, or its fingers move
+                answer = SimpleNamespace(status="standing", path=None)
+        frame = SimpleNamespace(
+            q=moment.q,
+            answer=answer,
+            capsules=rows,
+            things=len(rows) - len(moment.capsules),
+            separation=moment.separation,
+            pace=moment.pace,
+            brake=story.executor.reason,
+            wall_s=moment.cpu_s,
+        )
+        told = [f"{e.state}: {e.reason}" for e in story.events[self._n_told :]]
+        self._n_told = len(story.events)
+        state = f"{moment.state}: {story.reason}"
+        targets = self._targets(round(moment.now * RATE))
+        happened = {"targets": targets, "time_s": moment.now}
+        self.viewer.show(frame, **happened, told=told, doing=state)
+        if self._paced:
+            self._pace.wait(moment.now)
+
+    def _targets(self, index: int) -> np.ndarray:
+        if index % TARGETS_EVERY == 0:
+            self._rows = target_rows(self.run.story.targets)
+        return self._rows
 
 
 def write_story_film(
