@@ -142,8 +142,9 @@ class ReactivePlanner:
         changed = partial(_scene_changed, self.carrier, attacher, self.connector)
         self.scene = Scene(frame, self.carrier, changed)
         self._retreat = Retreat(frame, attacher)
-        links = self._retreat.links
-        self._tight = TightEnds(frame, path, attacher, self.decision, links)
+        self._links = self._retreat.links
+        self._tight = TightEnds(frame, path, attacher, self.decision, self._links)
+        self._tight.used = s.tight_ends
         self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
@@ -346,6 +347,17 @@ class ReactivePlanner:
         if self._pose_goals is None:
             self._pose_goals = PoseGoals(self.frame)
         return self._pose_goals.solve(poses, tolerance, most)
+
+    def use_tight_ends(self, used: bool) -> None:
+        """Let the links decide about ends that the cover refuses, from now on, or not.
+
+        As `PlannerSettings.tight_ends` says at first. An `Executor` does without: it
+        tests stops by the cover, and would get stuck there.
+        """
+        self._memory.owner.check()
+        self._tight.used = bool(used)
+        if not used:
+            self._tight.forget()
 
     def prepare_goal(self, q: np.ndarray) -> bool:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
@@ -580,8 +592,7 @@ class ReactivePlanner:
                     found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:
-            may_look = self.settings.tight_ends and code in codes.HAS_NO_PATH
-            if may_look and not self._tight.is_on and self._tight.look(q):
+            if code in codes.HAS_NO_PATH and self._tight.look(q):
                 return self._by_links(q, begun, closed, now)
             trouble = start_trouble(self.robot, self.frame.q, code)
             return self._hold(begun, closed, trouble)
@@ -884,7 +895,8 @@ class ReactivePlanner:
         """Test the straight motion from q_a to q_b: all four tests, all the way.
 
         Limits, self-collision, scenery (the recipe's and set_static's) and the last
-        frame's points, with the motion bound over the whole length.
+        frame's points, with the motion bound over the whole length. Where the frame is
+        too near to the cover, the links' own hulls decide (`use_tight_ends`).
 
         Args:
             q_a: (dof,) start [rad or m].
@@ -896,7 +908,13 @@ class ReactivePlanner:
             BadInput: Wrong length or not finite, or a phase that cannot be.
         """
         self.memory.owner.check()
-        return is_free(self.frame, q_a, q_b, phase, self._last_phase)
+        found = is_free(self.frame, q_a, q_b, phase, self._last_phase)
+        asks = self._tight.used and phase is None and self.trouble is None
+        if asks and found.failed == "frame":
+            q = check_numbers(self.robot, q_a)
+            if self._links.clear(q, self.frame.difference(q, q_b)):
+                return Freedom(True)
+        return found
 
     def approach(
         self,

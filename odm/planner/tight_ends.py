@@ -39,6 +39,7 @@ class TightEnds:
     Attributes:
         is_on: Whether there are any: then the search goes from or to other places than
             it was asked for.
+        used: Whether such places are looked for.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class TightEnds:
         self._looked = -math.inf  # frame in which such places were looked for last
         self._begin = np.full(frame.robot.dof, np.nan)  # the one beside the start
         self._goals = np.zeros((0, frame.robot.dof))  # those that were asked for
-        self.is_on = False
+        self.is_on, self.used = False, True
 
     @property
     def goals(self) -> np.ndarray:
@@ -77,13 +78,11 @@ class TightEnds:
         """
         frame, attacher, s = self.frame, self.attacher, self.settings
         soon = frame.number - self._looked < s.look_every
-        if soon or not len(attacher.goals) or attacher.ends_free:
+        if self.is_on or not self.used or soon or attacher.ends_free:
             return False
         self._looked = frame.number
-        begin, asked = q, attacher.goals
-        if self._is_refused(q):
-            begin = self._beside(q)
-        if begin is None:
+        begin, asked = self._beside(q) if self._is_refused(q) else q, attacher.goals
+        if begin is None or not len(asked):
             return False
         goals = asked.copy()
         if all(self._is_refused(goal) for goal in asked):
@@ -119,6 +118,7 @@ class TightEnds:
         return begin
 
     def _begin_from(self, q: np.ndarray) -> np.ndarray | None:
+        """Return q, or the place beside it; None: there is none."""
         free, begin = not self._is_refused(q), self._begin
         if free and self.path.locate(q)[0] >= 0:
             begin[:] = np.nan
@@ -142,15 +142,15 @@ class TightEnds:
                 return Whole(status, np.stack([q, q + straight]), g, (0,))
         if holds:
             return Whole(HOLDING, path, None, ())
-        legs: tuple[int, ...] = ()
         if not (path[0] == q).all():
-            turns = (
-                np.round((path[0] - q) / (2.0 * np.pi)) * self.frame.robot.continuous
-            )
-            path, legs = np.vstack([q, path - 2.0 * np.pi * turns]), (0,)
+            turns = np.round((path[0] - q) / (2.0 * np.pi))
+            path = path - 2.0 * np.pi * turns * self.frame.robot.continuous
+            path = np.vstack([q, path])
         if not (self.attacher.goals[g] == to).all():
-            legs = *legs, len(path) - 1
             path = np.vstack([path, path[-1] + self.frame.difference(path[-1], to)])
+        ends = dict.fromkeys((0, len(path) - 2))
+        clear = self.frame.motion_clear
+        legs = tuple(k for k in ends if not clear(path[k], path[k + 1] - path[k]))
         return Whole(answer.status, path, g, legs)
 
     # --- places -----------------------------------------------------------------
