@@ -592,8 +592,8 @@ class ReactivePlanner:
                     found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:
-            if code in codes.HAS_NO_PATH and self._tight.look(q):
-                return self._by_links(q, begun, closed, now)
+            if code in codes.HAS_NO_PATH:
+                self._tight.held_in = self.frame.number
             trouble = start_trouble(self.robot, self.frame.q, code)
             return self._hold(begun, closed, trouble)
         corners = path.q[: len(path)].copy()
@@ -673,7 +673,8 @@ class ReactivePlanner:
         waits = budget > 1 and (attacher.waits or connector.lacks_cells)
         later = attacher.after_path(budget) if waits else 0
         if not self.path.followed:
-            found = connector.improve(budget - later)
+            found = int(self._tight.look(budget))
+            found = found or connector.improve(budget - later)
             if not found:
                 attacher.join_more(later)
             return found

@@ -51,10 +51,10 @@ class PlannerSettings(CheckedSettings):
             would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].
-        tight_ends: Where the cover refuses start or goals and nothing else is in the
-            way, the links' own hulls decide about them and about the short motion from
-            or to there (`Answer.by_links`). A frame that would hold takes some 10 ms
-            then; of those that follow, each motion by the hulls takes 1 ms or more.
+        tight_ends: Where a frame holds since the cover refuses start or goals,
+            `improve` lets the links' own hulls decide about them and about the short
+            motion from or to there; the next frames use it (`Answer.by_links`), each of
+            which takes 1 ms more for each such motion, or several.
     """
 
     goal_connections: int = setting(18, 1, MAX_ATTACHMENTS)
@@ -225,17 +225,18 @@ class TightSettings(CheckedSettings):
     """How ends are left that the cover alone refuses (`tight_ends.TightEnds`).
 
     Attributes:
-        look_every: Frames from one look for such ways to the next.
+        retry_every: Frames after which it looks again where there was no way.
         most_goals: The first so many goals are looked at.
         spare: A goal that the cover refused is one as any other again when the cover is
             so much farther away than it must be [m].
         near: Start and goal that are no farther apart are joined straight, too
             [rad or m].
-        rounds: Steps, each up the slope of the cover's distance, that lead out at most.
+        rounds: Steps, each up the slope of the cover's distance, that lead out at most;
+            a step counts as a test of `improve`.
         step: Length of the first; halved where it gains nothing [rad or m].
     """
 
-    look_every: int = setting(8, 1, 10_000)
+    retry_every: int = setting(8, 1, 10_000)
     most_goals: int = setting(4, 1, 10_000)
     spare: float = setting(0.005, 0.0, 1.0, "m")
     near: float = setting(0.5, 0.0, 10.0, "rad or m")

@@ -7,7 +7,6 @@ place beside the start that the cover calls free to one beside the goal. The sho
 motions between these and the very ends are proved by the hulls, in each frame anew.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +39,7 @@ class TightEnds:
         is_on: Whether there are any: then the search goes from or to other places than
             it was asked for.
         used: Whether such places are looked for.
+        held_in: The last frame that held for want of a path.
     """
 
     def __init__(
@@ -53,10 +53,13 @@ class TightEnds:
         self.frame, self.path, self.attacher = frame, path, attacher
         self.decision, self.links = decision, links
         self.settings = TightSettings()
-        self._looked = -math.inf  # frame in which such places were looked for last
-        self._begin = np.full(frame.robot.dof, np.nan)  # the one beside the start
-        self._goals = np.zeros((0, frame.robot.dof))  # those that were asked for
-        self.is_on, self.used = False, True
+        dof = frame.robot.dof
+        self._begin = np.full(dof, np.nan)  # the place beside the start, if any
+        self._goals = np.zeros((0, dof))  # those that were asked for
+        self.is_on, self.used, self.held_in = False, True, -1
+        # the climb beside an end: which one of what was asked, and how far it has come
+        self._asked, self._end, self._tried = b"", 0, 0
+        self._at, self._step, self._rounds = np.full(dof, np.nan), 0.0, 0
 
     @property
     def goals(self) -> np.ndarray:
@@ -68,32 +71,49 @@ class TightEnds:
         if self.is_on and goals_stay:
             self._place(self._goals)
         self._begin[:] = np.nan
-        self._looked = -math.inf
+        self._asked = b""
         self.is_on = self.decision.is_tight = False
 
-    def look(self, q: np.ndarray) -> bool:
-        """Look for such places in a frame without a path from q; True: there are.
+    def look(self, budget: int) -> bool:
+        """Go on looking for such places after a frame without a path; True: found.
 
-        There are none where the cover lets the robot stand there and at a goal.
+        There are none where the cover lets the robot stand there and at a goal. The
+        budget counts steps.
         """
         frame, attacher, s = self.frame, self.attacher, self.settings
-        soon = frame.number - self._looked < s.look_every
-        if self.is_on or not self.used or soon or attacher.ends_free:
+        held = self.used and not self.is_on and self.held_in == frame.number
+        if not held or not len(attacher.goals) or attacher.ends_free:
             return False
-        self._looked = frame.number
-        begin, asked = self._beside(q) if self._is_refused(q) else q, attacher.goals
-        if begin is None or not len(asked):
-            return False
-        goals = asked.copy()
-        if all(self._is_refused(goal) for goal in asked):
-            for g, goal in enumerate(asked[: s.most_goals]):
-                beside = self._beside(goal)
-                goals[g] = goal if beside is None else beside
-            if (goals == asked).all():
-                return False
-        if begin is not q:
-            self._begin[:] = begin
-        self._goals, self.is_on, self.decision.is_tight = asked, True, True
+        ends = [frame.q, *attacher.goals[: s.most_goals]]
+        asked = frame.q.tobytes() + attacher.goals.tobytes()
+        again = frame.number - self._tried >= s.retry_every
+        if asked != self._asked or (self._end == len(ends) and again):
+            self._asked, self._tried = asked, frame.number
+            self._begin[:] = np.nan
+            self._climb_from(0)
+        refused = [self._is_refused(q) for q in ends]
+        while budget > 0 and self._end < len(ends):
+            leaves = refused[0] and np.isnan(self._begin).any()
+            if not leaves and not all(refused[1:]):
+                return self._use(attacher.goals)
+            if self._end == 0 and not leaves:
+                self._climb_from(1)
+            budget -= 1
+            beside = self._climb(ends[self._end])
+            if beside is None and not self._step:
+                self._climb_from(len(ends) if leaves else self._end + 1)
+            elif beside is not None and leaves:
+                self._begin[:] = beside
+            elif beside is not None:
+                goals = attacher.goals.copy()
+                goals[self._end - 1] = beside
+                return self._use(goals)
+        return False
+
+    def _use(self, goals: np.ndarray) -> bool:
+        """Let the search end at these goals from the next frame on."""
+        self._goals, self._asked = self.attacher.goals, b""
+        self.is_on = self.decision.is_tight = True
         self._place(goals)
         return True
 
@@ -109,49 +129,56 @@ class TightEnds:
             if usual or not self._passes(placed[g], asked[g]):
                 placed[g] = asked[g]
         self._place(placed)
-        begin = self._begin_from(q)
+        begin = self._begin_from(q, placed[(asked != placed).any(axis=1)])
         if begin is None or (begin is q and (placed == asked).all()):
-            looked = self._looked
             self.forget()
-            self._looked = looked
             return None
         return begin
 
-    def _begin_from(self, q: np.ndarray) -> np.ndarray | None:
-        """Return q, or the place beside it; None: there is none."""
-        free, begin = not self._is_refused(q), self._begin
-        if free and self.path.locate(q)[0] >= 0:
-            begin[:] = np.nan
-        elif np.isfinite(begin).all() and self._passes(q, begin):
-            return begin.copy()
-        if free:
-            return q
-        found = self._beside(q)
-        begin[:] = np.nan if found is None else found
-        return found
+    def _begin_from(self, q: np.ndarray, beside_goals: np.ndarray) -> np.ndarray | None:
+        """Return q, or a place beside it; None: there is none."""
+        free, most = not self._is_refused(q), self.settings.most_goals
+        if not (free and self.path.locate(q)[0] >= 0):
+            # a robot on its way into a goal is beside that goal's place, or near it
+            near = [g for g in self._goals[:most] if self._is_near(q, g)]
+            for place in (
+                self._begin,
+                *beside_goals,
+                *near[: self.settings.most_goals],
+            ):
+                if np.isfinite(place).all() and self._passes(q, place):
+                    return place.copy()
+        self._begin[:] = np.nan
+        return q if free else None
 
     def whole(self, answer: Answer, q: np.ndarray) -> Whole:
         """Return the path of an answer, which goes from `begin`, from q to the goal."""
-        path, goal = answer.path, answer.goal
-        holds = answer.status == HOLDING
-        g = 0 if goal is None else goal
-        to, straight = self._goals[g], self.frame.difference(q, self._goals[g])
-        if len(path) <= 3 and np.abs(straight).max() < self.settings.near:
-            if self._passes(q, to):
-                status = REPLANNED if holds else answer.status
-                return Whole(status, np.stack([q, q + straight]), g, (0,))
-        if holds:
+        path, status = answer.path, answer.status
+        g = 0 if answer.goal is None else answer.goal
+        goal = self._goals[g]
+        if len(path) <= 3 and self._is_near(q, goal) and self._passes(q, goal):
+            path = np.stack([q, self._turned(q, goal)])
+            status = REPLANNED if status == HOLDING else status
+        elif status == HOLDING:
             return Whole(HOLDING, path, None, ())
-        if not (path[0] == q).all():
-            turns = np.round((path[0] - q) / (2.0 * np.pi))
-            path = path - 2.0 * np.pi * turns * self.frame.robot.continuous
-            path = np.vstack([q, path])
-        if not (self.attacher.goals[g] == to).all():
-            path = np.vstack([path, path[-1] + self.frame.difference(path[-1], to)])
+        else:
+            if not (path[0] == q).all():
+                path = np.vstack([q, path + (self._turned(q, path[0]) - path[0])])
+            if not (self.attacher.goals[g] == goal).all():
+                path = np.vstack([path, self._turned(path[-1], goal)])
         ends = dict.fromkeys((0, len(path) - 2))
         clear = self.frame.motion_clear
         legs = tuple(k for k in ends if not clear(path[k], path[k + 1] - path[k]))
-        return Whole(answer.status, path, g, legs)
+        return Whole(status, path, g, legs)
+
+    def _is_near(self, q: np.ndarray, goal: np.ndarray) -> bool:
+        apart = np.abs(self.frame.difference(q, goal)).max()
+        return bool(apart < self.settings.near)
+
+    def _turned(self, q: np.ndarray, to: np.ndarray) -> np.ndarray:
+        """Return `to` with its continuous joints the short way from q."""
+        turns = np.round((to - q) / (2.0 * np.pi)) * self.frame.robot.continuous
+        return to - 2.0 * np.pi * turns
 
     # --- places -----------------------------------------------------------------
 
@@ -161,35 +188,39 @@ class TightEnds:
             self.attacher.set_goals(goals, self.attacher.costs)
             self.decision.new_goals = True
 
-    def _beside(self, q: np.ndarray) -> np.ndarray | None:
-        """Return a place beside q that the cover calls free, with a free motion there.
+    def _climb_from(self, end: int) -> None:
+        """Begin the climb beside the start, 0, or beside goal `end` - 1."""
+        self._end, self._step, self._rounds = end, self.settings.step, 0
+        self._at[:] = np.nan
 
-        Up the slope of the cover's distance. None: there is none, or a link is too near
-        at q itself.
+    def _climb(self, q: np.ndarray) -> np.ndarray | None:
+        """Go one step up the slope of the cover's distance; return a place beside q.
+
+        The cover calls it free, and the motion there is. None: not yet, or never, where
+        the step is 0: also where a link is too near at q itself.
         """
         robot, s = self.frame.robot, self.settings
-        if not self.links.clear(q, np.zeros_like(q)):
+        step, self._step = self._step, 0.0
+        if np.isnan(self._at).any():
+            if not self.links.clear(q, np.zeros_like(q)):
+                return None
+            self._at[:] = q
+        self._rounds += 1
+        best, tries = self._spare(self._at), self._at + _SLOPE * np.eye(len(q))
+        slope = np.array([self._spare(one) for one in tries]) - best
+        length = float(np.linalg.norm(slope))
+        if length == 0.0 or self._rounds > s.rounds:
             return None
-        lower = np.where(robot.continuous, -np.inf, robot.lower)
-        upper = np.where(robot.continuous, np.inf, robot.upper)
-        at, best, step = q, self._spare(q), s.step
-        for _ in range(s.rounds):
-            tries = at + _SLOPE * np.eye(len(q))
-            slope = np.array([self._spare(one) for one in tries]) - best
-            length = float(np.linalg.norm(slope))
-            if length == 0.0:
-                return None
-            while step > _SLOPE:
-                to = np.clip(at + step / length * slope, lower, upper)
-                spare = self._spare(to)
-                if spare > best:
-                    break
-                step *= 0.5
-            else:
-                return None
-            at, best = to, spare
-            if not self._is_refused(at) and self._passes(q, at):
-                return at
+        free = robot.continuous
+        lower = np.where(free, -np.inf, robot.lower)
+        upper = np.where(free, np.inf, robot.upper)
+        while step > _SLOPE:
+            to = np.clip(self._at + step / length * slope, lower, upper)
+            if self._spare(to) > best:
+                self._at[:], self._step = to, step
+                passes = not self._is_refused(to) and self._passes(q, to)
+                return to if passes else None
+            step *= 0.5
         return None
 
     def _spare(self, q: np.ndarray) -> float:
@@ -210,17 +241,22 @@ class TightEnds:
     # --- memory -----------------------------------------------------------------
 
     def save(self) -> dict[str, np.ndarray]:
-        """Return what is remembered of the places and of the very goals."""
-        state = [self.is_on, self._looked]
+        """Return what is remembered of the places, the climb and the very goals."""
+        state = [self.is_on, self.held_in, self._end, self._tried, self._rounds]
         return {
-            "state": np.array(state, float),
-            "begin": self._begin.copy(),
+            "state": np.array(state, np.int64),
+            "step": np.array(self._step),
+            "asked": np.frombuffer(self._asked, np.uint8),
+            "places": np.stack([self._begin, self._at]),
             "goals": self._goals.copy(),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Take up what was saved, and the goals beside them that were loaded."""
-        self.is_on, self._looked = bool(saved["state"][0]), float(saved["state"][1])
-        self.decision.is_tight = self.is_on
-        self._begin[:] = saved["begin"]
+        """Take up what was saved; the goals to search for were loaded."""
+        is_on, self.held_in, self._end, self._tried, self._rounds = saved[
+            "state"
+        ].tolist()
+        self.is_on = self.decision.is_tight = bool(is_on)
+        self._step, self._asked = float(saved["step"]), saved["asked"].tobytes()
+        self._begin[:], self._at[:] = saved["places"]
         self._goals = saved["goals"].copy()
