@@ -72,9 +72,9 @@ class Answer:
             "roadmap", or "search" beyond the roadmap; None when holding.
         held: By what the object in the hand is kept clear: "payload layer", or "close
             test" alone where the map has none (slower); None with nothing there.
-        by_links: Legs of the path, the first or the last, that may be nearer to the
-            cover than is kept; the links' own hulls prove them free. `is_free` asks
-            these, too, `blocked_leg` and `stands_clear` do not.
+        by_links: Legs of the path, the first or the last, that the cover refuses and
+            the links' own hulls prove free; `is_free(..., by_links=True)` says so, too,
+            `blocked_leg` and `stands_clear` do not.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """

@@ -16,7 +16,6 @@ from odm.answer import Freedom
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
-from odm.frame.freedom import is_free
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.scenery import shape_of_row
 from odm.obstacles.shapes import Box, Capsule, Shape
@@ -190,9 +189,7 @@ class Judge:
             key = a.tobytes() + b.tobytes()
             if key in self._stand_free and not verdict.near:
                 continue
-            ask = partial(is_free, self.oracle.frame)
-            if k in by_links:
-                ask = self.oracle.is_free
+            ask = partial(self.oracle.is_free, by_links=k in by_links)
             freedom = ask(a, b)
             if freedom:
                 self._stand_free.add(key)

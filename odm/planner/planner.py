@@ -891,30 +891,34 @@ class ReactivePlanner:
     # --- what it is asked between frames ---------------------------------------
 
     def is_free(
-        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+        self,
+        q_a: np.ndarray,
+        q_b: np.ndarray,
+        phase: str | None = None,
+        by_links: bool = False,
     ) -> Freedom:
         """Test the straight motion from q_a to q_b: all four tests, all the way.
 
         Limits, self-collision, scenery (the recipe's and set_static's) and the last
-        frame's points, with the motion bound over the whole length. Where the frame is
-        too near to the cover, the links' own hulls decide (`use_tight_ends`).
+        frame's points, with the motion bound over the whole length.
 
         Args:
             q_a: (dof,) start [rad or m].
             q_b: (dof,) end.
             phase: "give" lets the payload touch CONTACT points, "receive" the finger
                 pads OBJECT points; see `odm.frame.last_phase`.
+            by_links: Let the links' own hulls decide where the frame is too near to
+                their cover, as on the legs of `Answer.by_links`; not in a phase.
 
         Raises:
             BadInput: Wrong length or not finite, or a phase that cannot be.
         """
         self.memory.owner.check()
         found = is_free(self.frame, q_a, q_b, phase, self._last_phase)
-        asks = self._tight.used and phase is None and self.trouble is None
-        if asks and found.failed == "frame":
+        if by_links and found.failed == "frame" and phase is None:
             q = check_numbers(self.robot, q_a)
-            if self._links.clear(q, self.frame.difference(q, q_b)):
-                return Freedom(True)
+            links = self._links.clear(q, self.frame.difference(q, q_b))
+            return Freedom(True) if links and self.trouble is None else found
         return found
 
     def approach(

@@ -141,11 +141,7 @@ class TightEnds:
         if not (free and self.path.locate(q)[0] >= 0):
             # a robot on its way into a goal is beside that goal's place, or near it
             near = [g for g in self._goals[:most] if self._is_near(q, g)]
-            for place in (
-                self._begin,
-                *beside_goals,
-                *near[: self.settings.most_goals],
-            ):
+            for place in (self._begin, *beside_goals, *near):
                 if np.isfinite(place).all() and self._passes(q, place):
                     return place.copy()
         self._begin[:] = np.nan

@@ -1,5 +1,7 @@
 """Ends that the cover refuses and the links do not are left and entered, proved."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from shapes_drawn import KINDS, least_on, near_a_link
@@ -10,6 +12,7 @@ from odm.audit.exact import ExactRobot, obstacles_of
 from odm.execution.executor import Executor
 from odm.frame.link_test import LinkTest
 from odm.planner.saved_memory import differences
+from roadmap.kinematics.forward import sphere_centers
 
 RADIUS = 0.01  # [m] no place of a cloud's surface is farther from a point
 
@@ -84,7 +87,7 @@ def test_the_path_leads_from_one_tight_end_to_the_other(robot, how, rng):
             assert (planner.goals == end).all() and (answer.path[-1] == end).all()
             while len(answer.path) > 1:  # the robot follows it
                 a, b = answer.path[:2]
-                assert planner.is_free(a, b)
+                assert planner.is_free(a, b, by_links=0 in answer.by_links)
                 assert least_on(exact, a, b - a, obstacles_of([shape])) >= m
                 at = b if np.abs(b - a).max() < 0.02 else a + 0.5 * (b - a)
                 if (at == end).all():
@@ -92,6 +95,25 @@ def test_the_path_leads_from_one_tight_end_to_the_other(robot, how, rng):
                 answer = tell(planner, shape, how, at)
                 assert answer.status != "holding" and (answer.path[0] == at).all()
     assert found > 15
+
+
+def test_who_comes_nearer_to_a_tight_goal_keeps_the_robot_out(robot, rng):
+    planner, exact = robot
+    goal, blocked = np.zeros(2), 0
+    for q, shape in tight(planner, exact, rng, "shape"):
+        planner.reset()
+        planner.set_goals([q])
+        if not ask(planner, shape, "shape", goal).by_links:
+            continue
+        middle = sphere_centers(planner.robot, q).mean(axis=0)
+        towards = middle - shape.T_base_shape[:3, 3]
+        T = np.eye(4)
+        T[:3, 3] = 0.008 * towards / np.linalg.norm(towards)
+        nearer = shape.moved(T)
+        for a, b in pairwise(ask(planner, nearer, "shape", goal).path):
+            assert least_on(exact, a, b - a, obstacles_of([nearer])) >= 0.01
+        blocked += exact.distance(q, obstacles_of([nearer]), cap=0.1).distance < 0.01
+    assert blocked > 5
 
 
 def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
@@ -108,9 +130,9 @@ def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
     assert not differences(planner.save_memory(), other.save_memory())
     Executor(planner.robot, planner, q, 0.01)
     answer = ask(planner, shape, "shape", q)
-    assert answer.status == "holding" and not planner.is_free(q, q)
+    assert answer.status == "holding" and not answer.path.size
     planner.use_tight_ends(True)
-    assert ask(planner, shape, "shape", q).by_links and planner.is_free(q, q)
+    assert ask(planner, shape, "shape", q).by_links
     nobody = odm.Obstacles.of([])
     planner.step(nobody, q=q)
     assert not planner.step(nobody, q=q).by_links
