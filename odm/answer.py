@@ -72,6 +72,9 @@ class Answer:
             "roadmap", or "search" beyond the roadmap; None when holding.
         held: By what the object in the hand is kept clear: "payload layer", or "close
             test" alone where the map has none (slower); None with nothing there.
+        by_links: Legs of the path, the first or the last, that the cover refuses and
+            the links' own hulls prove free; `is_free(..., by_links=True)` says so, too,
+            `blocked_leg` and `stands_clear` do not.
         latency_s: Seconds by stage: "occupancy", "plan", "total".
         work: Counted work: points, outside, occupied blocks, edge tests...
     """
@@ -86,6 +89,7 @@ class Answer:
     _why: Explains = NOT_HOLDING  # asked when the reason or the retreat is
     stage: str | None = None
     held: str | None = None
+    by_links: tuple[int, ...] = ()
 
     @property
     def frame(self) -> int:
@@ -118,18 +122,19 @@ class Answer:
     @property
     def reason(self) -> str | None:
         """One sentence when holding: what blocks what, and what would help."""
-        return self._why.explained[0] or None
+        return (self._why.explained[0] or None) if self.status == HOLDING else None
 
     @property
     def blockers(self) -> Blockers:
         """Edges, cells, points and link behind the reason."""
-        return self._why.explained[1]
+        return self._why.explained[1] if self.status == HOLDING else NOTHING
 
     @property
     def retreat(self) -> np.ndarray | None:
         """(k, dof) motion offered while holding: back off or escape; or None.
 
-        It leads away from the points, to be executed at reduced speed.
+        It leads away from the points, to be executed at reduced speed. Offered beside a
+        path with legs `by_links`, too.
         """
         return self._why.retreat
 

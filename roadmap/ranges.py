@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
@@ -15,11 +16,22 @@ _T = TypeVar("_T")
 
 def is_between(value: object, low: float, high: float) -> bool:
     """Return whether a value is a real number from low to high; NaN is not."""
-    if type(value) is not float and (
-        not isinstance(value, Real) or isinstance(value, bool)
-    ):
+    if type(value) is not float and not is_real(value):
         return False
     return bool(low <= value <= high)  # type: ignore[operator]
+
+
+def is_real(value: object) -> bool:
+    """Return whether a value is a number that a float can hold; NaN is, True is not."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    return not isinstance(value, int) or abs(value) <= sys.float_info.max
+
+
+def told(value: object) -> str:
+    """Return a value as messages name it, the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def is_number(word: str) -> bool:
@@ -50,7 +62,7 @@ def check_number(
     kind = "a whole number" if whole else "a number"
     limits = f"from {low:g}" + ("" if high == float("inf") else f" to {high:g}")
     raise BadInput(
-        f"{name} is {value!r}, but must be {kind} {limits}; change it"
+        f"{name} is {told(value)}, but must be {kind} {limits}; change it"
         f"{f' in {where}' if where else ''}"
     )
 
@@ -72,9 +84,7 @@ def check_kind(
 ) -> None:
     """Refuse a value of another class, such as a path for a map, with the remedy."""
     if not isinstance(value, kinds):
-        shown = repr(value)
-        shown = shown if len(shown) <= 40 else f"{shown[:37]}..."
-        raise BadInput(f"{name} is {shown} ({type(value).__name__}); {remedy}")
+        raise BadInput(f"{name} is {told(value)} ({type(value).__name__}); {remedy}")
 
 
 def check_path(

@@ -1,5 +1,14 @@
 """Everything that moves, draws or talks to a user: loop, person, pictures, tables."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim.story.frame import StoryFrame
+    from sim.story.handover import Handover
+    from sim.story.phase import PhasePlanner
+    from sim.story.settings import PARTNER, StorySettings
+    from sim.view import Viewer
+
 __all__ = [
     "PARTNER",
     "Handover",

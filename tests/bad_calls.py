@@ -74,6 +74,7 @@ def calls(odm, planner, hand, home):
         mine[:] = 5.0
         return planner.is_free(home, home)
 
+    huge = 10**400  # no float can hold it
     broken = hand.copy()
     broken[3, 1] = nan
     empty = np.zeros((0, 3))
@@ -88,6 +89,12 @@ def calls(odm, planner, hand, home):
         "step in a thread": lambda: elsewhere(lambda: planner.step(hand, q=home)),
         "separation in a thread": lambda: elsewhere(lambda: planner.separation(home)),
         "blocked_leg, extra NaN": lambda: planner.blocked_leg(home[None], nan),
+        "blocked_leg, extra huge": lambda: planner.blocked_leg(home[None], huge),
+        "a huge stamp": lambda: planner.step(hand, q=home, stamp=huge),
+        "a huge now": lambda: planner.step(hand, q=home, stamp=1.0, now=huge),
+        "a huge rounding": lambda: planner.step(hand, q=home, rounding=huge),
+        "huge spheres in the hand": lambda: planner.attach([[huge, 0, 0, 1]]),
+        "a huge spacing": lambda: odm.surface_of(odm.Sphere(0.1), huge),
         "blocked_leg, path NaN": lambda: planner.blocked_leg(home[None] * nan),
         "blocked_leg, points (n, 2)": lambda: planner.blocked_leg(
             home[None], 0.0, np.zeros((4, 2))

@@ -104,3 +104,26 @@ def _balls(radii):
         ball=ball,
         owner=np.zeros(n, np.int64),
     )
+
+
+def near_a_link(exact, q, kind, rng, gaps=(3e-4, 4e-3)):
+    """Return a shape that is as far from the robot at q, and how far it is; or None."""
+    shape, want = draw_shape(kind, rng, spread=0.0), rng.uniform(*gaps)
+    tip = exact.frames(q)[rng.integers(1, len(exact.body)), 9:12]
+    side = rng.normal(size=3)
+    side /= np.linalg.norm(side)
+    T, low, high = np.eye(4), 0.0, 1.0
+    for _ in range(16):
+        T[:3, 3] = tip - shape.T_base_shape[:3, 3] + 0.5 * (low + high) * side
+        near = exact.distance(q, [shape.moved(T)], cap=0.1).distance < want
+        low, high = (0.5 * (low + high), high) if near else (low, 0.5 * (low + high))
+    T[:3, 3] = tip - shape.T_base_shape[:3, 3] + high * side
+    shape = shape.moved(T)
+    now = exact.distance(q, [shape], cap=0.1).distance
+    return (shape, now) if 0.0 < now < 1.5 * gaps[1] else None
+
+
+def least_on(exact, q, dq, around):
+    """Return the least exact distance along a motion [m]."""
+    places = np.linspace(0.0, 1.0, 80)
+    return min(exact.distance(q + t * dq, around, cap=0.05).distance for t in places)

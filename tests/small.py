@@ -29,6 +29,18 @@ def small_recipe(**safety: float) -> Recipe:
     )
 
 
+PLATES = """<robot name="plates"><link name="base"/>
+<link name="arm"><collision><origin xyz="0.2 0 0"/>
+<geometry><box size="0.4 0.1 0.02"/></geometry></collision></link>
+<link name="plate"><collision><origin xyz="0.1 0 0"/>
+<geometry><box size="0.2 0.3 0.02"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+<axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="tilt" type="revolute"><parent link="arm"/><child link="plate"/>
+<origin xyz="0.45 0 0"/><axis xyz="1 0 0"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>"""
+
+
 def planner_of(
     folder: Path, urdf: str, tip: str, nodes: int = 150
 ) -> odm.ReactivePlanner:
@@ -38,6 +50,11 @@ def planner_of(
     robot = RobotRecipe(source=str(path), tip=tip, cover_excess=0.05)
     recipe = Recipe("robot", robot, RoadmapSettings(nodes=nodes), Safety(h=0.08))
     return odm.ReactivePlanner(odm.build_map(recipe, threads=1))
+
+
+def plates(folder: Path) -> odm.ReactivePlanner:
+    """Return a planner of two plates within a coarse cover."""
+    return planner_of(folder, PLATES, "plate")
 
 
 def draw_valid(planner: odm.ReactivePlanner, rng: np.random.Generator) -> np.ndarray:

@@ -37,6 +37,7 @@ from odm.planner.settings import (
     PoseSettings,
     RetreatSettings,
     SmoothingSettings,
+    TightSettings,
 )
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
@@ -63,6 +64,7 @@ SETTINGS = [
     ImproveSettings,
     SmoothingSettings,
     RetreatSettings,
+    TightSettings,
     PoseSettings,
     odm.SeenSettings,
     ApproachSettings,

@@ -25,9 +25,8 @@ from odm.execution.settings import (
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from odm.execution.tracking import TrackingMonitor
-from odm.planner.improve import Improver
+from odm.planner.improve import Cutter, Improver
 from odm.planner.settings import ImproveSettings
-from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import corner_gain
 from roadmap.motion.motion import time_path
 from sim.story.comfort import comfort_rods

@@ -1,6 +1,7 @@
 """What a user writes passes a type checker, and what they look at is short."""
 
 import pytest
+from command_line import ROOT
 
 SCRIPT = """
 import numpy as np
@@ -27,9 +28,10 @@ def test_a_users_script_passes_and_a_mistake_of_it_does_not(tmp_path):
     mypy = pytest.importorskip("mypy.api")
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    told = mypy.run(["--strict", "--config-file", "pyproject.toml", str(script)])[0]
-    lines = [line for line in told.splitlines() if "script.py" in line]
-    assert len(lines) == 1 and '"upper"' in lines[0], told
+    files = [str(script), *map(str, (ROOT / "docs" / "examples").glob("0*.py"))]
+    told = mypy.run(["--strict", "--config-file", "pyproject.toml", *files])[0]
+    lines = [line for line in told.splitlines() if ": error:" in line]
+    assert len(files) > 7 and len(lines) == 1 and '"upper"' in lines[0], told
 
 
 def test_what_a_user_looks_at_is_told_in_a_line(planner):

@@ -23,7 +23,7 @@ def forearm(t: float, p_reached: np.ndarray) -> np.ndarray:
     return np.concatenate([hand + [0.25, 0.1, 0.05], hand, [0.05]])[None]
 
 
-def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
+def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict[str, float]:
     """Go to and fro; return trips, and how near the person came meanwhile."""
     planner = odm.ReactivePlanner(cell_map)
     places = plan_once.two_places(planner)

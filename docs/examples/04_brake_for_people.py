@@ -19,7 +19,7 @@ loop = importlib.import_module("03_loop_at_100_hz")
 PERIOD = loop.PERIOD
 
 
-def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
+def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict[str, float]:
     """Go to and fro; return trips, frames slowed or braked, and the least distance."""
     robot = cell_map.robot
     planner = odm.ReactivePlanner(cell_map)

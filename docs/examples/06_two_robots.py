@@ -20,7 +20,7 @@ T_FIRST_SECOND = pose_of((0.95, 0.0, 0.0), (0.0, 0.0, np.pi))  # face to face
 RULES = run.ExecutionSettings(speed_scale=0.5, min_retreat_separation=np.inf)
 
 
-def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict:
+def main(cell_map: odm.CellMap, seconds: float = 20.0) -> dict[str, object]:
     """Run two of the same robot to and fro and return what happened."""
     robot, bases = cell_map.robot, (T_FIRST_SECOND, np.linalg.inv(T_FIRST_SECOND))
     spheres = run.RobotSpheres(robot)  # they hold the whole robot

@@ -66,7 +66,6 @@ class Hand:
         return state
 
 
-@cache
 def load_hand(name: str) -> Hand:
     """Return the hand of that name, read from the URDF of its robot.
 
@@ -74,7 +73,12 @@ def load_hand(name: str) -> Hand:
         BadInput: No hand has that name.
         BadRobot: Its URDF lacks a link or joint that the hand names.
     """
-    return make_hand(hand_spec(name))
+    return _hand_of(hand_spec(name))
+
+
+@cache
+def _hand_of(spec: HandSpec) -> Hand:
+    return make_hand(spec)
 
 
 def make_hand(spec: HandSpec) -> Hand:

@@ -208,7 +208,10 @@ class Human:
 
     def looking_at(self, p_world: np.ndarray) -> "Human":
         """Return the person looking at a place (3,) [m]."""
-        return self.looking(as_floats("p_world", p_world) - self.p_world_eyes)
+        p_world = as_floats("p_world", p_world)
+        if p_world.shape != (3,):
+            raise BadInput(f"p_world has shape {p_world.shape}; give a place (3,) [m]")
+        return self.looking(p_world - self.p_world_eyes)
 
     def capsules(self) -> np.ndarray:
         """Return the whole body as closed capsules (k, 7) a, b, radius, world [m].

@@ -17,7 +17,7 @@ from handover.meet.validity import Validity, validity_of
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
 from roadmap.errors import BadInput
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_number, settings_of
 from roadmap.robot.robot import Robot
 
 
@@ -76,8 +76,7 @@ def find_handover(
             reach map's, an `is_valid` that is none.
     """
     settings = settings_of(settings, FindSettings)
-    if not 0 < timeout < np.inf:
-        raise BadInput(f"a timeout of {timeout} s is none; give seconds above 0")
+    check_number("timeout [s]", timeout, 1e-9, 1e9)
     check_same_robot(meet.reach, robot)
     valid = validity_of(is_valid)
     T_base_world = np.linalg.inv(meet.settings.T_world_base)

@@ -19,7 +19,7 @@ from handover.meet import _quality as kernel
 from handover.meet.settings import PARTS, QualitySettings
 from roadmap.arrays import as_floats, freeze
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, is_real
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,15 @@ def posture_quality(state: ArmState, q: np.ndarray) -> Quality:
 def total_quality(
     online: float | np.ndarray, dexterity: float | np.ndarray, settings: QualitySettings
 ) -> float | np.ndarray:
-    """Return q_total: q_online and the offline dexterity by `online_weight`."""
+    """Return q_total: q_online and the offline dexterity by `online_weight`.
+
+    Raises:
+        BadInput: Another kind of settings, or what is no number nor an array of some.
+    """
+    check_kind("settings", settings, QualitySettings, "give QualitySettings(...)")
+    if not (is_real(online) and is_real(dexterity)):
+        online = as_floats("online", online)
+        dexterity = as_floats("dexterity", dexterity)
     share = settings.online_weight
     return share * online + (1.0 - share) * dexterity
 

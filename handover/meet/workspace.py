@@ -32,7 +32,7 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind, is_between, settings_of
+from roadmap.ranges import check_kind, is_between, settings_of, told
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
@@ -272,6 +272,7 @@ class InteractionWorkspace:
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
+        check_kind("target", target, Target, "give one that best() returned")
         at = int(np.searchsorted(self._keys, target.key))
         if at == len(self._keys) or self._keys[at] != target.key:
             raise BadInput(
@@ -340,7 +341,7 @@ class InteractionWorkspace:
 
     def _rate(self, keys: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return entries, qualities (-1: none) and grasps of the cells `keys`."""
-        keys = np.asarray(keys, np.int64).reshape(-1)
+        keys = _checked_keys(keys)
         value, grasp = np.full(len(keys), -1.0), np.full(len(keys), -1, np.int32)
         if not len(self._keys):
             return np.zeros(len(keys), np.int64), value, grasp
@@ -382,6 +383,16 @@ class InteractionWorkspace:
             numbers_of = out.joints[i], int(grasps[i]), int(keys[i])
             targets.append(Target(*poses, *quality, *numbers_of))
         return targets
+
+
+def _checked_keys(keys: Sequence[int] | np.ndarray) -> np.ndarray:
+    try:
+        array = np.asarray(keys)
+    except (ValueError, TypeError, OverflowError):
+        array = np.empty(0, object)  # rows of unequal length
+    if array.dtype.kind not in "iu" and (array.size or array.dtype == object):
+        raise BadInput(f"keys are {told(keys)}; give whole numbers, as Target.key")
+    return array.astype(np.int64).reshape(-1)
 
 
 def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.ndarray:

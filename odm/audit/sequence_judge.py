@@ -6,10 +6,13 @@ cells, against the obstacles as solids, along the whole leg. Their distances com
 `odm.audit.exact`, contacts from python-fcl too.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
+from odm.answer import Freedom
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
@@ -162,11 +165,12 @@ class Judge:
         q: np.ndarray,
         path: np.ndarray,
         exact: bool,
+        by_links: tuple[int, ...] = (),
     ) -> Verdict:
         """Judge a path (k, dof) that was answered from q, where it must begin.
 
         `given` is what the planner was given; `exact` asks exact geometry in any case,
-        not only where it is near.
+        not only where it is near. Of the legs `by_links` the hulls of the links judge.
         """
         if self._dirty:
             self._take_up(world)
@@ -185,11 +189,12 @@ class Judge:
             key = a.tobytes() + b.tobytes()
             if key in self._stand_free and not verdict.near:
                 continue
-            freedom = self.oracle.is_free(a, b)
+            ask = partial(self.oracle.is_free, by_links=k in by_links)
+            freedom = ask(a, b)
             if freedom:
                 self._stand_free.add(key)
                 continue
-            if self._refuses_a_place(a, b):
+            if self._refuses_a_place(ask, a, b):
                 verdict.wrong.append(f"leg {k}: {freedom.failed}: {freedom.reason}")
             else:
                 verdict.unproved += 1
@@ -197,11 +202,13 @@ class Judge:
             self._measure(world, path, verdict)
         return verdict
 
-    def _refuses_a_place(self, a: np.ndarray, b: np.ndarray) -> bool:
+    def _refuses_a_place(
+        self, ask: Callable[..., Freedom], a: np.ndarray, b: np.ndarray
+    ) -> bool:
         """Return whether there is a place on a leg that the oracle refuses."""
         dq = difference(self.cell_map.robot, a, b)
         places = (a + t * dq for t in np.linspace(0.0, 1.0, PLACES))
-        return not all(self.oracle.is_free(q, q) for q in places)
+        return not all(ask(q, q) for q in places)
 
     def _take_up(self, world: World) -> None:
         oracle, self._dirty = self.oracle, False

@@ -409,7 +409,8 @@ class Sequence:
         )
         verdict = None
         if answer.status != HOLDING:
-            verdict = self.judge.judge(world, seen, self.q, answer.path, exact)
+            path, legs = answer.path, answer.by_links
+            verdict = self.judge.judge(world, seen, self.q, path, exact, legs)
             if refused:
                 verdict.wrong.append("a frame that cannot be used was answered")
         self.answer = answer

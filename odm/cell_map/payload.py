@@ -239,7 +239,7 @@ def _of_spheres(spheres: np.ndarray) -> CarriedObject:
 def _checked(spheres: object) -> np.ndarray:
     try:
         array = np.array(spheres, dtype=np.float64, ndmin=2)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(
             f"an object of type {type(spheres).__name__} cannot be attached; give "
             "(n, 4) spheres, a shape of odm, or a carried_object"

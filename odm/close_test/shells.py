@@ -84,6 +84,9 @@ class Shells:
         these = np.flatnonzero(body > 0)  # the base does not move
         n_bodies, corners, at = len(robot.tree_i), [np.zeros((0, 3))], [np.zeros(0)]
         self._balls = np.zeros(len(these))
+        covered = robot.sphere_link[robot.moving]
+        # whether there is a shell for every moving link that has spheres
+        self.complete = bool(np.isin(covered, robot.shell_link[these]).all())
         for i, k in enumerate(these):
             own = robot.shell_points[slice(*robot.shell_ptr[k : k + 2])]
             if k < len(robot.solid_kind) and robot.solid_kind[k] == SPHERE:

@@ -1,7 +1,6 @@
 """Whether a path up to the stop is free of all places where the person may be."""
 
 import math
-from numbers import Real
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import unwrapped
+from roadmap.ranges import is_real, told
 
 
 class PathTest:
@@ -40,8 +40,8 @@ class PathTest:
             path = unwrapped(frame.robot, path)
         if np.ndim(extra) > 0:
             raise BadInput("extra is an array; give metres, and points after it")
-        if not isinstance(extra, Real | np.ndarray):
-            raise BadInput(f"extra is {extra!r}; give metres, 0 for none")
+        if not (isinstance(extra, np.ndarray) or is_real(extra)):
+            raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
         least = -(frame.cell_map.safety.m + frame.extra)
         if -math.inf < extra < least - 1e-9:
             raise BadInput(

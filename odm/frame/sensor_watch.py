@@ -10,7 +10,6 @@ person who stands there does, too, so two things tell them apart (decision 0029)
 """
 
 import math
-from numbers import Real
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from odm.obstacles._cloud import N_BAD, N_INSIDE, N_OUTSIDE
 from odm.obstacles.unit import not_finite, too_far_off
 from roadmap.errors import BadInput
+from roadmap.ranges import is_real, told
 
 _LEAVES = 4.0  # [m/s] nobody gets out of the grid faster
 _JITTER = 0.05  # [m] that measured points may jump
@@ -165,7 +165,7 @@ def check_times(stamp: float | None, now: float | None) -> None:
     """Refuse times that are no numbers; numpy's numbers are some. BadInput."""
     if stamp is now is None:
         return  # as in most frames
-    if not all(time is None or isinstance(time, Real) for time in (stamp, now)):
+    if not all(time is None or is_real(time) for time in (stamp, now)):
         raise BadInput(
-            f"stamp is {stamp!r} and now is {now!r}; give seconds as numbers"
+            f"stamp is {told(stamp)} and now is {told(now)}; give seconds as numbers"
         )

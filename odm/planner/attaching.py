@@ -71,7 +71,7 @@ class Attacher:
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
         self._chosen = np.zeros(self.settings.moving_nodes, np.int64)
-        self._ends = -1, b"", False  # `ends_free`: of which frame and goals
+        self._ends = -1, b"", False  # `ends_free`: of which frame and ends
         self.without_cells = self.is_stale = self._passes = False
         self._direct_from = np.full(frame.robot.dof, np.nan)  # where from
         self.beyond: np.ndarray | None = None
@@ -394,11 +394,12 @@ class Attacher:
         Else no search helps. Looked at once a frame.
         """
         m = self.frame.memory
-        goals = m.goals.vertex[: m.goals.count.item(0)].tobytes()
+        goals = m.goals.vertex[: m.goals.count.item(0)]
+        asked = goals.tobytes() + self.frame.q.tobytes()
         number, known, free = self._ends
-        if number != self.frame.number or known != goals:
+        if number != self.frame.number or known != asked:
             free = bool(judge.ends_free(m.table))
-            self._ends = self.frame.number, goals, free
+            self._ends = self.frame.number, asked, free
         return free
 
     def _update_cost_to_any(self) -> None:

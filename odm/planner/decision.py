@@ -55,6 +55,7 @@ class Decision:
         new_goals: Goals were set since the last frame.
         only_seen: The last frame asked for no answer.
         joined: The last frame joined q, or goals, to the roadmap.
+        is_tight: No frame may be answered as it is taken; see `tight_ends`.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Decision:
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
         self.new_goals = self.only_seen = self.joined = self._joins_first = False
+        self.is_tight = False
         self._patience, self._joining = patience, attacher.settings
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self._always = frame.memory.rules.always  # 1: search from scratch
@@ -102,7 +104,7 @@ class Decision:
             attacher.forget_all()
         first = self.new_goals or (attacher.without_cells and not self.path.followed)
         self._joins_first = first
-        return not first
+        return not (first or self.is_tight)
 
     def decide(self, q: np.ndarray, now: float | None, said: int) -> int:
         """Answer a frame that can be used: what `respond` returns.

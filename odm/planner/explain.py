@@ -54,7 +54,8 @@ class Reasons:
         self._searched, self._waiting = searched, waiting
         self._retreat = retreat
         self.epoch = frame.epoch
-        self.q = frame.q.copy()
+        # from where a path was looked for, and where the robot is
+        self.q, self.q_robot = frame.q.copy(), frame.q_taken.copy()
 
     @cached_property
     def explained(self) -> tuple[str, Blockers]:
@@ -72,7 +73,7 @@ class Reasons:
         self.frame.memory.owner.check()
         if self._unable is not None or self._is_over:
             return None
-        return self._retreat.back_off(self.q)
+        return self._retreat.back_off(self.q_robot)
 
     @property
     def _is_over(self) -> bool:

@@ -53,15 +53,15 @@ from odm.planner.attaching import Attacher
 from odm.planner.connect import Connector
 from odm.planner.decision import MOVES, Decision
 from odm.planner.explain import Reasons, start_trouble
-from odm.planner.improve import Improver
+from odm.planner.improve import Cutter, Improver
 from odm.planner.path import CandidatePath, Candidates, PathInUse
 from odm.planner.pose_goals import GoalReport, PoseGoals, Refused
 from odm.planner.retreat import Retreat
 from odm.planner.saved_memory import Remembers, StateArrays, pack, unpack
 from odm.planner.scene import Scene
 from odm.planner.settings import MOST_EXTRA, ImproveSettings, PlannerSettings
-from odm.planner.shortcuts import Cutter
 from odm.planner.smooth import Smoother
+from odm.planner.tight_ends import TightEnds
 from odm.search import _expected as expected
 from odm.search import _recent as recent
 from odm.search import _step as codes
@@ -142,6 +142,9 @@ class ReactivePlanner:
         changed = partial(_scene_changed, self.carrier, attacher, self.connector)
         self.scene = Scene(frame, self.carrier, changed)
         self._retreat = Retreat(frame, attacher)
+        self._links = self._retreat.links
+        self._tight = TightEnds(frame, path, attacher, self.decision, self._links)
+        self._tight.used = s.tight_ends
         self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
@@ -205,7 +208,7 @@ class ReactivePlanner:
     @property
     def goals(self) -> np.ndarray:
         """(g, dof) goals, best first [rad or m]."""
-        return self.attacher.goals
+        return self._tight.goals
 
     @property
     def costs(self) -> np.ndarray | None:
@@ -302,6 +305,7 @@ class ReactivePlanner:
             at_once = self.attacher.settings.pose_at_once
         if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
             return report
+        self._tight.forget(goals_stay=False)
         self.attacher.set_goals(goals, costs, at_once)
         self.smoother.look_straight()
         self.decision.new_goals = True
@@ -343,6 +347,17 @@ class ReactivePlanner:
         if self._pose_goals is None:
             self._pose_goals = PoseGoals(self.frame)
         return self._pose_goals.solve(poses, tolerance, most)
+
+    def use_tight_ends(self, used: bool) -> None:
+        """Let the links decide about ends that the cover refuses, from now on, or not.
+
+        As `PlannerSettings.tight_ends` says at first. An `Executor` does without: it
+        tests stops by the cover, and would get stuck there.
+        """
+        self._memory.owner.check()
+        self._tight.used = bool(used)
+        if not used:
+            self._tight.forget()
 
     def prepare_goal(self, q: np.ndarray) -> bool:
         """Attach a goal ahead, in a frame that can afford it; True: it is kept.
@@ -468,10 +483,30 @@ class ReactivePlanner:
         if said != self._said and said % _SEGMENT > _PLANNED:
             if frame.trouble is not None:
                 return self._hold(begun, closed, frame.trouble)
+            if self._tight.is_on:
+                return self._by_links(q, begun, closed, now)
             said = self.decision.decide(q, now, said)
             if said % _SEGMENT > _PLANNED:
                 return self._beyond(q, said, begun, closed, now)
         return self._say(said, begun, closed)
+
+    def _by_links(
+        self, q: np.ndarray, begun: int, closed: bool, now: float | None
+    ) -> Answer:
+        """Answer a frame whose search goes from or to places beside the very ends."""
+        begin = self._tight.begin(q)
+        at = q if begin is None else begin
+        said = self.decision.decide(at, now, codes.NOT_ASKED)
+        if said % _SEGMENT <= _PLANNED:
+            answer = self._say(said, begun, closed)
+        else:
+            answer = self._beyond(at, said, begun, closed, now)
+        if begin is None:
+            return answer
+        status, path, goal, legs = self._tight.whole(answer, q)
+        self.path.followed = answer.status != HOLDING
+        why, stage = self._reasons(None), answer.stage
+        return self._answer(status, path, goal, begun, closed, stage, why, legs)
 
     def _say(self, said: int, begun: int, closed: bool) -> Answer:
         """Answer with the rest of the path in use, which was found free."""
@@ -554,6 +589,8 @@ class ReactivePlanner:
                     found = connector.search(q, moves)
             taken = connector.take(found, patience)
         if not taken:
+            if code in codes.HAS_NO_PATH:
+                self._tight.held_in = self.frame.number
             trouble = start_trouble(self.robot, self.frame.q, code)
             return self._hold(begun, closed, trouble)
         corners = path.q[: len(path)].copy()
@@ -566,9 +603,12 @@ class ReactivePlanner:
 
     def _hold(self, begun: int, closed: bool, trouble: str | None) -> Answer:
         self.path.followed = False
-        state = trouble, self.connector.progress, self._frames_to_wait
-        why = Reasons(self.frame, self.attacher, self._retreat, *state)
+        why = self._reasons(trouble)
         return self._answer(HOLDING, self._nowhere, None, begun, closed, None, why)
+
+    def _reasons(self, trouble: str | None) -> Reasons:
+        state = trouble, self.connector.progress, self._frames_to_wait
+        return Reasons(self.frame, self.attacher, self._retreat, *state)
 
     def _frames_to_wait(self) -> int:
         return self.decision.frames_to_wait(self.connector.frames_to_persist)
@@ -582,6 +622,7 @@ class ReactivePlanner:
         closed: bool,
         stage: str | None,
         why: Explains = NOT_HOLDING,
+        by_links: tuple[int, ...] = (),
     ) -> Answer:
         held = None if self.frame.thing is None else self.held_by
         answer = self.last = Answer(
@@ -594,6 +635,7 @@ class ReactivePlanner:
             why,
             stage,
             held,
+            by_links,
         )
         return answer
 
@@ -628,7 +670,8 @@ class ReactivePlanner:
         waits = budget > 1 and (attacher.waits or connector.lacks_cells)
         later = attacher.after_path(budget) if waits else 0
         if not self.path.followed:
-            found = connector.improve(budget - later)
+            found = int(self._tight.look(budget))
+            found = found or connector.improve(budget - later)
             if not found:
                 attacher.join_more(later)
             return found
@@ -644,6 +687,7 @@ class ReactivePlanner:
     def reset(self) -> None:
         """Forget the path in use and where the robot was; the goals stay."""
         self._memory.owner.check()
+        self._tight.forget()
         self.path.reset()
         self.attacher.forget_start()
         self.connector.reset()
@@ -704,6 +748,7 @@ class ReactivePlanner:
             "decision": self.decision,
             "improving": self._improver,
             "search": self.connector,
+            "tight": self._tight,
             "scene": self.carrier,
             "frame": self.frame,
         }
@@ -843,7 +888,11 @@ class ReactivePlanner:
     # --- what it is asked between frames ---------------------------------------
 
     def is_free(
-        self, q_a: np.ndarray, q_b: np.ndarray, phase: str | None = None
+        self,
+        q_a: np.ndarray,
+        q_b: np.ndarray,
+        phase: str | None = None,
+        by_links: bool = False,
     ) -> Freedom:
         """Test the straight motion from q_a to q_b: all four tests, all the way.
 
@@ -855,12 +904,19 @@ class ReactivePlanner:
             q_b: (dof,) end.
             phase: "give" lets the payload touch CONTACT points, "receive" the finger
                 pads OBJECT points; see `odm.frame.last_phase`.
+            by_links: Let the links' own hulls decide where the frame is too near to
+                their cover, as on the legs of `Answer.by_links`; not in a phase.
 
         Raises:
             BadInput: Wrong length or not finite, or a phase that cannot be.
         """
         self.memory.owner.check()
-        return is_free(self.frame, q_a, q_b, phase, self._last_phase)
+        found = is_free(self.frame, q_a, q_b, phase, self._last_phase)
+        if by_links and found.failed == "frame" and phase is None:
+            q = check_numbers(self.robot, q_a)
+            links = self._links.clear(q, self.frame.difference(q, q_b))
+            return Freedom(True) if links and self.trouble is None else found
+        return found
 
     def approach(
         self,

@@ -244,6 +244,6 @@ def _checked_poses(poses: Sequence[np.ndarray]) -> list[np.ndarray]:
         raise BadConfiguration(f"no poses were given; {wanted}")
     if len(rows) > MAX_GOALS:
         raise BadInput(f"{len(rows)} poses were given; {wanted}")
-    if np.ndim(rows[0]) == 1:
-        raise BadInput(f"poses have shape {np.shape(poses)}; {wanted}, as a list")
+    if isinstance(poses, np.ndarray) and poses.ndim == 2:
+        raise BadInput(f"poses have shape {poses.shape}; {wanted}, as a list")
     return [check_pose(T, f"pose {k}") for k, T in enumerate(rows)]

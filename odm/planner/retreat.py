@@ -8,9 +8,9 @@ import numpy as np
 from odm.checks import check_numbers, check_points
 from odm.close_test import _close as close
 from odm.close_test.close_test import NO_SOLIDS
-from odm.close_test.shells import Hulls, Shells
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Frame
+from odm.frame.link_test import LinkTest
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom, together
@@ -34,7 +34,7 @@ class Retreat:
         settings: RetreatSettings = RetreatSettings(),
     ) -> None:
         self.frame, self.attacher, self.settings = frame, attacher, settings
-        self._shells: Shells | None = None
+        self.links = LinkTest(frame)
         self._rooms: list[tuple[SortedCloud, SolidRoom]] = []
 
     def back_off(self, q: np.ndarray) -> np.ndarray | None:
@@ -154,20 +154,11 @@ class Retreat:
         return bool(self.frame.separation(q) < self.frame.keep)
 
     def _links_leave(self, q: np.ndarray) -> Callable[[np.ndarray], bool]:
-        """Return a test of motions dq from q, where the anchor is: by the shells."""
-        frame, shells = self.frame, self._shells
-        if shells is None or shells.robot is not frame.static.robot:
-            shells = self._shells = Shells(frame.static.robot)
-        points = frame.points[: frame.n_given]
-        if len(points):  # from others no sphere is nearer than it must be anyway
-            from scipy.spatial.distance import cdist
-
-            balls, radii = frame.memory.work.anchor, frame.radii + close.ESCAPE_SLACK
-            low = (balls.T - radii).min(axis=1)
-            high = (balls.T + radii).max(axis=1)
-            points = points[((low <= points) & (points <= high)).all(axis=1)]
-            points = points[(cdist(points, balls) < radii).any(axis=1)]
-        shells.show(Hulls.of(points, frame.solids))
+        """Return a test of motions dq from q: no link comes nearer than it must."""
+        frame, links = self.frame, self.links
+        # from farther points no sphere is nearer than it must be anyway
+        links.show_near(q, frame.radii + close.ESCAPE_SLACK)
+        shells = links.shells
         needs = shells.needs(q, frame.keep_from_shapes)
         return lambda dq: shells.leave(q, dq, needs)
 

@@ -51,6 +51,10 @@ class PlannerSettings(CheckedSettings):
             would hold.
         max_range_m: Where most points of a frame are farther than this from the
             robot's base along an axis, their unit is wrong: the frame holds [m].
+        tight_ends: Where a frame holds since the cover refuses start or goals,
+            `improve` lets the links' own hulls decide about them and about the short
+            motion from or to there; the next frames use it (`Answer.by_links`), each of
+            which takes 1 ms more for each such motion, or several.
     """
 
     goal_connections: int = setting(18, 1, MAX_ATTACHMENTS)
@@ -69,6 +73,7 @@ class PlannerSettings(CheckedSettings):
     cached_goals: int = setting(0, 0, 10_000)
     search: int = setting(1000, 0, 10_000_000)
     max_range_m: float = setting(MAX_RANGE_M, 0.1, 1e6, "m")
+    tight_ends: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,7 +150,7 @@ class ConnectSettings(CheckedSettings):
 
 @dataclass(frozen=True)
 class ImproveSettings(CheckedSettings):
-    """How `improve` shares out its budget (`improve.Improver`, `shortcuts.Cutter`).
+    """How `improve` shares out its budget (`improve.Improver`, `improve.Cutter`).
 
     Attributes:
         look_every: Frames between two looks for a better path or goal.
@@ -213,6 +218,30 @@ class RetreatSettings(CheckedSettings):
     min_evasion_gain: float = setting(0.03, 0.0, 10.0, "m")
     directions: int = setting(24, 1, 10_000)
     reaction_s: float = setting(0.06, 0.0, 10.0, "s")
+
+
+@dataclass(frozen=True)
+class TightSettings(CheckedSettings):
+    """How ends are left that the cover alone refuses (`tight_ends.TightEnds`).
+
+    Attributes:
+        retry_every: Frames after which it looks again where there was no way.
+        most_goals: The first so many goals are looked at.
+        spare: A goal that the cover refused is one as any other again when the cover is
+            so much farther away than it must be [m].
+        near: Start and goal that are no farther apart are joined straight, too
+            [rad or m].
+        rounds: Steps, each up the slope of the cover's distance, that lead out at most;
+            a step counts as a test of `improve`.
+        step: Length of the first; halved where it gains nothing [rad or m].
+    """
+
+    retry_every: int = setting(8, 1, 10_000)
+    most_goals: int = setting(4, 1, 10_000)
+    spare: float = setting(0.005, 0.0, 1.0, "m")
+    near: float = setting(0.5, 0.0, 10.0, "rad or m")
+    rounds: int = setting(24, 1, 10_000)
+    step: float = setting(0.08, 1e-3, 10.0, "rad or m")
 
 
 @dataclass(frozen=True)

@@ -243,6 +243,7 @@ NAN = np.eye(4) * np.nan
         (lambda: Human(arms={"left": np.zeros(6)}), "give seven finite angles"),
         (lambda: Human(gaze=np.zeros(3)), "is no direction"),
         (lambda: Human(gaze=np.array([1.0, np.nan, 0])), "is no direction"),
+        (lambda: Human().looking_at([]), "p_world has shape .0,.; give a place"),
         (lambda: Human().placed(np.nan, 0, 0), "nobody stands at"),
         (lambda: Human(mass=-3.0), "mass of -3.0 kg"),
         (lambda: Human(bend=np.array([0, 3.0, 0])), "bend of the trunk"),

@@ -136,7 +136,9 @@ def test_exact_geometry_may_judge(meet, robot):
     assert found and exact.distance(found.q, rods).distance > 0.02
 
 
-@pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize(
+    "timeout", [0.0, -1.0, float("nan"), float("inf"), "1", None, 10**400]
+)
 def test_a_time_that_is_none_is_refused(meet, robot, timeout):
     with pytest.raises(BadInput, match="timeout"):
         find_handover(meet, robot, lambda q: True, timeout)

@@ -10,7 +10,10 @@ from handover import (
     Human,
     Inside,
     InteractionWorkspace,
+    QualitySettings,
     Upright,
+    load_hand,
+    total_quality,
     wrench,
 )
 from roadmap.errors import BadInput
@@ -91,6 +94,25 @@ def test_maps_in_the_wrong_place_are_refused(robot_map, person_map, meet_of):
 def test_objects_and_constraints_that_are_none_are_refused(make, says):
     with pytest.raises(BadInput, match=says):
         make()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda meet: meet.rated([0.5]), "keys are .0.5.; give whole numbers"),
+        (lambda meet: meet.rated([[1], [2, 3]]), "keys are ..1., .2, 3..; give"),
+        (lambda meet: meet.rated([10**400]), "keys are .10+.*; give whole numbers"),
+        (lambda meet: meet.remove(None), "target is None .NoneType.; give one"),
+        (lambda meet: total_quality("x", 1.0, QualitySettings()), "online must be"),
+        (lambda meet: total_quality(1.0, 1.0, None), "settings is None"),
+        (lambda meet: load_hand([]), "there is no hand .."),
+    ],
+)
+def test_keys_targets_and_qualities_that_are_none_are_refused(call, says, meet_of):
+    meet = meet_of(Human())
+    assert meet.rated([]) == []
+    with pytest.raises(BadInput, match=says):
+        call(meet)
 
 
 def test_a_constraint_must_judge_every_pose(meet_of):

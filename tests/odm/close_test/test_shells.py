@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from naive_hull import hull_distance
-from shapes_drawn import KINDS, draw_shape, solids_of
-from small import draw_valid, planner_of
+from shapes_drawn import KINDS, least_on, near_a_link, solids_of
+from small import draw_valid, plates
 
 import odm
 from odm.audit.exact import ExactRobot, obstacles_of
@@ -33,29 +33,6 @@ def test_hulls_are_apart_where_they_are_by_their_definition(rng):
         assert apart == free.all()
         assert ((free == (more >= 0.0)) | (abs(more) < 1e-6)).all()
     assert 30 < sum(told) < 270
-
-
-def near_a_link(exact, q, kind, rng):
-    """Return a shape, 0.3 to 4 mm from the robot at q, and how far it is; or None."""
-    shape, want = draw_shape(kind, rng, spread=0.0), rng.uniform(3e-4, 4e-3)
-    tip = exact.frames(q)[rng.integers(1, len(exact.body)), 9:12]
-    side = rng.normal(size=3)
-    side /= np.linalg.norm(side)
-    T, low, high = np.eye(4), 0.0, 1.0
-    for _ in range(16):
-        T[:3, 3] = tip - shape.T_base_shape[:3, 3] + 0.5 * (low + high) * side
-        near = exact.distance(q, [shape.moved(T)], cap=0.01).distance < want
-        low, high = (0.5 * (low + high), high) if near else (low, 0.5 * (low + high))
-    T[:3, 3] = tip - shape.T_base_shape[:3, 3] + high * side
-    shape = shape.moved(T)
-    now = exact.distance(q, [shape], cap=0.02).distance
-    return (shape, now) if 0.0 < now < 0.01 else None
-
-
-def least_on(exact, q, dq, around):
-    """Return the least exact distance along a motion [m]."""
-    places = np.linspace(0.0, 1.0, 80)
-    return min(exact.distance(q + t * dq, around, cap=0.05).distance for t in places)
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "point"])
@@ -92,20 +69,8 @@ def test_what_is_no_number_is_not_left(planner):
         assert free == bool(place + start == 5.0)
 
 
-PLATES = """<robot name="plates"><link name="base"/>
-<link name="arm"><collision><origin xyz="0.2 0 0"/>
-<geometry><box size="0.4 0.1 0.02"/></geometry></collision></link>
-<link name="plate"><collision><origin xyz="0.1 0 0"/>
-<geometry><box size="0.2 0.3 0.02"/></geometry></collision></link>
-<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
-<axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
-<joint name="tilt" type="revolute"><parent link="arm"/><child link="plate"/>
-<origin xyz="0.45 0 0"/><axis xyz="1 0 0"/>
-<limit lower="-2" upper="2" velocity="1" effort="1"/></joint></robot>"""
-
-
 def test_no_retreat_from_within_the_cover_touches(tmp_path):
-    planner, rng = planner_of(tmp_path, PLATES, "plate"), np.random.default_rng(48)
+    planner, rng = plates(tmp_path), np.random.default_rng(48)
     exact, found = ExactRobot(planner.robot), 0
     retreat = Retreat(planner.frame, planner.attacher)
     for _ in range(80):
