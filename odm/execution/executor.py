@@ -293,7 +293,8 @@ class Executor:
         self.timed_path = True
         self._on_path, self._corners = True, path[1:]
         self._path_begin = commit.s
-        self.state = MOVING
+        if self.state != BRAKED:
+            self.state = MOVING
 
     def advance(self) -> None:
         """Let one period pass; without an answer since the last one, brake.
@@ -643,12 +644,17 @@ class Executor:
             self._level, self.reason = self._least_level, "slower, near the person"
 
     def _go_on_slowly(self, threat: Moving) -> None:
+        """Go on after a stop, if that would not be braked a moment later; else stop."""
         slow = self._rescaled(self._last_level)
-        if self._may_go(slow, 0.0, threat):
+        held = self.held, self.held_t
+        lasts = self._may_go(slow, min(self.pace.set_off_s, slow.duration), threat)
+        self.held, self.held_t = held  # not the stop from there
+        if lasts and self._may_go(slow, 0.0, threat):
             self._take(slow)
             self._level, self.state = self._last_level, SLOWED
         else:
             self.reason, self._hindered = self._why(threat), self._frame
+            self._stop_as_tested()
 
     def _stop_as_tested(self) -> None:
         """Take the stop that was tested one frame ago, or before."""

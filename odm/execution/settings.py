@@ -70,6 +70,9 @@ class PaceSettings(CheckedSettings):
     Attributes:
         look_ahead_s: A higher speed must pass the test of a stop that begins this much
             later [s]. More: it speeds up later, and slows down less.
+        set_off_s: A robot that was braked sets off where the braking test would pass
+            this much later on its way, too, were the person as they are now [s]. 0:
+            beside somebody who stands still it starts and stops 16 times a second.
         hindered_s: After slowing down for a person, jerk is not limited for so long
             [s]: a gentle start beside them would creep.
         keep_every: Frames between two checks of a motion's jerk limit; each takes a
@@ -87,6 +90,7 @@ class PaceSettings(CheckedSettings):
     """
 
     look_ahead_s: float = setting(0.02, 0.0, 10.0, "s")
+    set_off_s: float = setting(0.05, 0.0, 10.0, "s")
     hindered_s: float = setting(0.12, 0.0, 10.0, "s")
     keep_every: int = setting(3, 1, 10_000)
     again: float = setting(1.5, 1.0, 100.0)

@@ -6,10 +6,9 @@ import numpy as np
 
 from handover.human.body import ARM, SIDES
 from sim.people.mocap.skeletons import FEET
-from sim.people.mocap.tracks import BadMocap, Tracks
+from sim.people.mocap.tracks import UNITS, BadMocap, Tracks
 
-UNITS = {"m": 1.0, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # [m]
-ARM_LENGTH = (0.35, 0.85)  # shoulder over elbow to wrist of any person [m]
+ARM_LENGTH = (0.30, 0.85)  # shoulder over elbow to wrist, from a child of six on [m]
 DECISIVE = 0.85  # a trunk this much along an axis says which one is up
 SHOULDER_HEIGHT = 0.818  # of body height [Winter; MMM; ANSUR II]
 ANKLE_HEIGHT = 0.039  # of body height [MMM]

@@ -31,7 +31,7 @@ def parse_bvh(text: str, source: str) -> Tracks:
     Raises:
         BadMocap: Not a BVH, cut off, not numeric, a rate of 0, no frames.
     """
-    lines = text.replace("{", "\n{\n").replace("}", "\n}\n").split("\n")
+    lines = text.replace("{", "\n{\n").replace("}", "\n}\n").splitlines()
     lines = [line.strip() for line in lines if line.strip()]
     upper = [line.upper() for line in lines]
     if "MOTION" not in upper:

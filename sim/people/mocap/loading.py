@@ -90,10 +90,10 @@ def read_tracks(path: str | Path) -> Tracks:
     """Read a Vicon .csv or a .bvh, told apart by what is in it."""
     path = Path(path)
     text = read_text(path)
-    first = text.lstrip().split("\n", 1)[0].strip()
+    first = next(iter(text.lstrip().splitlines()), "").strip()
     if first.upper().startswith("HIERARCHY"):
         return parse_bvh(text.lstrip(), path.name)
-    if first.split(",")[0].strip() in HEADER:
+    if first.split(",")[0].strip(' "') in HEADER:
         return parse_csv(text, path.name)
     raise BadMocap(
         f"{path.name} begins with {first[:40]!r}; a .bvh begins with HIERARCHY, a Vicon"

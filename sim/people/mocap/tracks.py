@@ -9,6 +9,7 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 
 RATES = (10.0, 10_000.0)  # frames per second a recording of a person can have
+UNITS = {"m": 1.0, "inch": 0.0254, "cm": 0.01, "mm": 0.001}  # [m]
 FAR = 1e9  # a place beyond this, in any unit, is a fault of the file: not seen
 
 
@@ -98,4 +99,7 @@ def number(text: str, what: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise BadMocap(f"{what} is {text.strip()[:40]!r}, which is no number") from None
+        remedy = "; write it with a point, not a comma" if "," in text else ""
+        raise BadMocap(
+            f"{what} is {text.strip()[:40]!r}, which is no number{remedy}"
+        ) from None

@@ -5,10 +5,9 @@ import csv
 import numpy as np
 
 from roadmap.ranges import is_number
-from sim.people.mocap.tracks import BadMocap, Tracks, number
+from sim.people.mocap.tracks import UNITS, BadMocap, Tracks, number
 
 HEADER = ("Objects", "Segments", "Trajectories", "Model Outputs")  # of the first line
-_UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def parse_csv(text: str, source: str) -> Tracks:
@@ -73,15 +72,16 @@ def _body(name: str) -> str:
     return body if space in ("", body) else f"{space}:{body}"
 
 
-def _scale(units: list[str], columns: dict[str, int], source: str) -> float:
+def _scale(units: list[str], columns: dict[str, int], source: str) -> float | None:
+    """Return the length of the file's unit [m]; None: it names none."""
     column = next(iter(columns.values()))
     unit = units[column].strip().lower() if column < len(units) else ""
-    if unit not in _UNITS:
+    if unit and unit not in UNITS:
         raise BadMocap(
-            f"line 5 of {source} gives positions in {unit!r}; "
-            f"known are {', '.join(_UNITS)}"
+            f"line 5 of {source} gives positions in {unit!r}; write {', '.join(UNITS)} "
+            "there, or nothing: the unit is then told by the length of the arm"
         )
-    return _UNITS[unit]
+    return UNITS.get(unit)
 
 
 def _data(
@@ -95,7 +95,7 @@ def _data(
         if len(row) < width:
             raise BadMocap(
                 f"line {line} of {source} has {len(row)} of {width} cells: the file is "
-                "cut off; get the whole of it"
+                "cut off, or a comment stands there; get the whole of it, frames alone"
             )
         try:
             values = [float(cell) if cell.strip() else np.nan for cell in row[:width]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import odm
-from odm.execution.executor import STANDING, Executor
+from odm.execution.executor import BRAKED, STANDING, Executor
 from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Watcher
 from roadmap.kinematics.forward import cover_balls
@@ -109,3 +109,26 @@ def test_nobody_is_told_of_how_another_robot_would_go_on(scene):
     scene.planner.step(scene.obstacles, q=commit.q)
     scene.executor.update(NOWHERE, commit, None)
     assert scene.executor.state == STANDING
+
+
+@pytest.mark.parametrize("tremble", [0.0, 0.005])
+def test_a_robot_that_brakes_at_a_person_does_not_start_and_stop(small_map, tremble):
+    """It goes on where that is free for longer than a frame; it had stopped 40 times."""
+    planner = odm.ReactivePlanner(small_map)
+    executor = Executor(small_map.robot, planner, START, PERIOD)
+    *tip, radius = cover_balls(executor.robot, END)[executor.robot.moving][-1]
+    aside = np.array([-tip[1], tip[0], 0.0]) / np.hypot(*tip[:2])
+    watcher, states = Watcher(), []
+    for k in range(500):
+        far = radius + 0.064 + tremble * np.sin(10.0 * np.pi * k * PERIOD)
+        hand = np.add(tip, far * aside)
+        rows = np.array([[*hand, *hand + [0.0, 0.0, 0.2], 0.05]])
+        commit = executor.commit()
+        planner.step(odm.Obstacles(capsules=rows), q=commit.q)
+        path = np.array([commit.q, END])
+        found = SimpleNamespace(status="following", path=path, reason="")
+        executor.update(found, commit, watcher.look(rows, k * PERIOD))
+        executor.advance()
+        states.append(executor.state == BRAKED)
+    starts = np.flatnonzero(np.diff(np.array(states, int)) < 0)
+    assert len(starts) <= 4 and np.abs(executor.set_point.q - END).max() < 0.5

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
@@ -44,6 +46,20 @@ def test_csv_units_are_read(tmp_path, unit, metres):
     assert tracks.metres_per_unit == metres
 
 
+@pytest.mark.parametrize("mark", ["quoted", "\r", "no unit"])
+def test_csv_may_be_quoted_of_an_old_mac_or_without_a_unit(tmp_path, mark):
+    path = write_csv(tmp_path / "a.csv", person(60))
+    plain, text = load_mocap(path), path.read_text(encoding="utf-8-sig")
+    if mark == "quoted":
+        text = re.sub("[^,\n]+", r'"\g<0>"', text)
+    text = text.replace("\n", "\r") if mark == "\r" else text
+    text = text.replace("mm", "") if mark == "no unit" else text
+    path.write_bytes(text.encode())
+    motion = load_mocap(path)
+    np.testing.assert_array_equal(motion.frames, plain.frames)
+    assert any(n.startswith("taken as mm") for n in motion.notes) == (mark == "no unit")
+
+
 def test_csv_of_markers_has_three_columns_a_body(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text(
@@ -69,7 +85,9 @@ def test_csv_rotations_may_be_absent_where_places_are_not(tmp_path):
         ("\n100\n", "\n-5\n", "-5 frames per second"),
         ("\n100\n", "\n\n", "the rate in line 2 of a.csv is '', which is no number"),
         ("\n100\n", "\nfast\n", "'fast', which is no number"),
-        ("rad,mm", "rad,parsec", "positions in 'parsec'; known are mm"),
+        ("\n100\n", '\n"99,5"\n', "'99,5', which is no number; write it with a poin"),
+        ("\n2,0,", "\n# note\n2,0,", "has 1 of .* cells: .* or a comment stands ther"),
+        ("rad,mm", "rad,parsec", "positions in 'parsec'; write m, inch, cm"),
         ("TX,TY,TZ", "A,B,C", None),
         ("\n2,0,", "\n2,0,huh,", "line 7 of a.csv holds 'huh', which is no number"),
         ("\n3,0,", "\n1,0,", "frame '1' after 2; frame numbers must rise"),

@@ -5,6 +5,7 @@ from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
 from handover.human.body import Part
 from sim.people.mocap import BadMocap, MocapSettings, load_mocap, read_tracks
 from sim.people.mocap.skeletons import BUILT_IN, joints_of
+from sim.people.mocap.tracks import UNITS
 
 ARM = ("right_shoulder", "right_elbow", "right_hand")
 
@@ -368,3 +369,12 @@ def test_a_unit_that_makes_the_arm_nobodys_is_refused_with_the_one_that_fits(tmp
     assert "unit.toml gives unit = True" in refusal(path, mapping=mapping)
     told = refusal(path, settings=MocapSettings(unit=40.0))
     assert "in the unit 40 m (unit of the settings)" in told
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("height", [1.05, 1.75, 2.15])
+def test_the_unit_is_told_for_children_and_for_tall_people(tmp_path, height, unit):
+    size, metres = height / 1.75, UNITS[unit]
+    joints = {name: place * size for name, place in person(30).items()}
+    motion = load_mocap(write_bvh(tmp_path / "a.bvh", joints, metres=metres))
+    assert any(f"taken as {unit}" in note for note in motion.notes)
