@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 from sim.terminal.compiling import Compiling
 
+NARROW = 72  # columns of a terminal in which there is room for the words alone
 FIRST_S, EVERY_S = 1.0, 2.0  # [s] the first plain line, and from one to the next
 _TICK_S = 0.25
 _ASKED = "roadmap.kernel_cache"  # what `Compiling` imports
@@ -199,7 +200,11 @@ class Bars:
 def _rich_bars() -> object:
     from rich import progress
     from rich.console import Console
+    from rich.table import Column
     from rich.text import Text
+
+    console = Console(stderr=True)
+    narrow = console.width < NARROW
 
     class Times(progress.ProgressColumn):
         """How long a stage took, and about how long it will still take."""
@@ -208,15 +213,18 @@ def _rich_bars() -> object:
             """Return both as words."""
             left = task.fields.get("left_s", task.time_remaining)
             passed = task.finished_time if task.finished else task.elapsed
-            return Text(times_text(passed, None if task.finished else left))
+            left = None if task.finished else left
+            if narrow and left is not None:
+                return Text(f"{time_text(left)} left")
+            return Text(times_text(passed, left))
 
-    return progress.Progress(
-        progress.TextColumn("{task.description:<22}"),
-        progress.BarColumn(bar_width=20),
-        progress.MofNCompleteColumn(),
-        Times(),
-        console=Console(stderr=True),
-    )
+    bar = [] if narrow else [progress.BarColumn(bar_width=20)]
+    words = "{task.description}:" if narrow else "{task.description:<22}"
+    # where there is no room for all, the words take two lines, not the numbers
+    stage = progress.TextColumn(words, table_column=Column(no_wrap=not narrow))
+    count = progress.MofNCompleteColumn(table_column=Column(no_wrap=True))
+    times = Times(Column(no_wrap=True))
+    return progress.Progress(stage, *bar, count, times, console=console)
 
 
 def times_text(passed: float | None, left: float | None) -> str:

@@ -69,6 +69,11 @@ class RoadmapPicture:
         return edges | nodes[roadmap.edges].any(axis=1)
 
 
+def opacity_of(lines: int) -> float:
+    """Return how opaque blocked edges are: through thousands the robot is seen."""
+    return max(0.05, min(0.8, 300 / max(1, lines)))
+
+
 def line_file(
     segments: np.ndarray, colour: tuple[int, int, int], opacity: float
 ) -> bytes:

@@ -202,18 +202,29 @@ def _stretches(rows: np.ndarray, begin: float, length: float) -> list[tuple]:
     ]
 
 
-def legend(has_map: bool, has_quality: bool) -> str:
-    """Return what each colour means."""
+def roadmap_line(nodes: int, edges: int, blocked: int | None) -> str:
+    """Return how large a roadmap is, and how many edges the person blocks, if known."""
+    text = f"{nodes:,} nodes, {edges:,} edges"
+    if blocked is not None:
+        text += f"; the person blocks <b>{blocked:,}</b> ({blocked / edges:.0%})"
+    return (
+        f'<div style="{_FONT};font-size:13px;padding:0 14px;color:{INK}">{text}</div>'
+    )
+
+
+def legend(has_map: bool, has_quality: bool, runs: bool = True) -> str:
+    """Return what each colour means; of a map alone, in which nothing runs, less."""
     rows = [("box", theme.SLEEVE, "person: clothes")]
     rows.append(("box", theme.SKIN, "person: skin"))
-    rows.append(("line", theme.PATH, "path of the tool"))
-    rows.append(("line", theme.BEFORE, "the path before it"))
-    rows.append(("box", theme.LOAD, "what is carried"))
+    if runs:
+        rows.append(("line", theme.PATH, "path of the tool"))
+        rows.append(("line", theme.BEFORE, "the path before it"))
+        rows.append(("box", theme.LOAD, "what is carried"))
     if has_map:
         rows.append(("line", theme.FREE_EDGE, "edge that is free"))
         rows.append(("line", theme.BLOCKED_EDGE, "edge that is blocked"))
         rows.append(("box", theme.CELL, "occupied cell"))
-    if not has_quality:
+    if runs and not has_quality:
         rows.append(("dot", theme.GOAL, "place; large: the goal"))
     items = "".join(_swatch(kind, theme.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
@@ -231,11 +242,13 @@ def legend(has_map: bool, has_quality: bool) -> str:
             "</span> 1; the larger is pursued</div>"
         )
     grid = "display:grid;grid-template-columns:auto auto;gap:1px 8px"
+    states = (
+        f'<div style="border-top:1px solid {LINE};margin:4px 0 3px 0"></div>'
+        f'<div style="{grid}">{states}</div>'
+    )
     return (
         f'<div style="{_FONT};font-size:12px;padding:0 10px 2px 10px;color:{INK}">'
-        f'<div style="{grid}">{items}</div>{bar}'
-        f'<div style="border-top:1px solid {LINE};margin:4px 0 3px 0"></div>'
-        f'<div style="{grid}">{states}</div></div>'
+        f'<div style="{grid}">{items}</div>{bar}{states if runs else ""}</div>'
     )
 
 

@@ -48,13 +48,14 @@ class Panel:
         self._shown: dict[str, object] = {}
         runs = source.live or source.span()[1] > source.span()[0]
         self._status = gui.add_html("")
+        self._runs, self._map = runs, gui.add_html("", visible=not runs)
         self._line = gui.add_html("", visible=runs)
         self._add_controls(runs)
         self._strips = gui.add_html("", visible=runs)
         if can_take:
             self._add_hand()
         self._add_layers()
-        with gui.add_folder("Legend", expand_by_default=runs):
+        with gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         self._note = gui.add_html("")
 
@@ -164,8 +165,13 @@ class Panel:
         self._tell("strips", self._strips, strips)
         targets = moment.targets
         rated = targets is not None and bool(np.isfinite(targets[:, 3]).any())
-        has_map = self.stage.cell_map is not None
-        self._tell("legend", self._legend, cards.legend(has_map, rated))
+        cell_map, blocked = self.stage.cell_map, self.stage.n_blocked
+        told = cards.legend(cell_map is not None, rated, self._runs)
+        self._tell("legend", self._legend, told)
+        if cell_map is not None and not self._runs:
+            roadmap = cell_map.roadmap
+            told = cards.roadmap_line(roadmap.n_nodes, roadmap.n_edges, blocked)
+            self._tell("map", self._map, told)
         self._tell("note", self._note, cards.note(self.sentences))
 
     def _place_slider(self, begin: float, end: float) -> None:

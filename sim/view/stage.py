@@ -18,6 +18,7 @@ from sim.view.blocked import (
     cell_centers,
     line_file,
     occupied_cells,
+    opacity_of,
     seen_points,
 )
 from sim.view.moment import NOBODY, Moment
@@ -63,6 +64,7 @@ class Stage:
         self.scene, self.robot = scene, robot
         self.cell_map: CellMap | None = None
         self.roadmap: RoadmapPicture | None = None
+        self.n_blocked: int | None = None  # edges, as they were drawn last
         self.shown = {name: on for name, (_, on) in LAYERS.items()}
         self._drawn: dict[str, object] = {}  # what a layer shows now
         self._nodes: dict[str, object] = {}
@@ -315,7 +317,9 @@ class Stage:
     def _blocked(self, cells: np.ndarray) -> None:
         blocked = self.roadmap.blocked(cells)
         segments = self.roadmap.segments[blocked]
-        self._lines("blocked", segments, theme.BLOCKED_EDGE, 0.8)
+        self.n_blocked = len(segments)
+        opacity = opacity_of(self.n_blocked)
+        self._lines("blocked", segments, theme.BLOCKED_EDGE, opacity)
 
     def _lines(
         self, layer: str, segments: np.ndarray, colour: tuple, pixels: float

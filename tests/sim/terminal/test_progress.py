@@ -188,3 +188,15 @@ def test_a_bar_says_what_passed_and_what_is_left(monkeypatch, capsys):
         compute(0.02)
         tell("frames", 3, 4)
     assert re.search(r"3/4 1 s, about 1 s left", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("columns", [40, 60, 100, 200])
+def test_a_bar_is_a_whole_line_in_any_terminal(monkeypatch, capsys, columns):
+    monkeypatch.setattr(progress, "_is_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    with Bars() as tell:
+        tell("the same with nobody", 1, 2000)
+        compute(0.02)
+        tell("the same with nobody", 2, 2000)
+    told = capsys.readouterr().err
+    assert "…" not in told and "2/2000" in told and " left" in told

@@ -42,6 +42,16 @@ def test_a_card_tells_state_reason_separation_and_time():
     assert theme.STATE_COLOURS[HOLDING] in card
 
 
+def test_a_map_alone_tells_its_size_and_no_states_of_a_run():
+    told = cards.roadmap_line(1200, 4000, 500)
+    assert "1,200 nodes, 4,000 edges" in told and "<b>500</b> (12%)" in told
+    assert "blocks" not in cards.roadmap_line(1200, 4000, None)
+    alone, run = (cards.legend(True, False, runs) for runs in (False, True))
+    for word in (WORDS[HOLDING], "path of the tool", "the goal"):
+        assert word in run and word not in alone
+    assert "edge that is blocked" in alone
+
+
 def test_a_new_path_is_told_for_a_while():
     event = [Event(1.0, NEW_PATH, "new path")]
     assert "New path" in cards.status_card(Moment(1.1, Q, state=ON_THE_WAY), event, 9)
