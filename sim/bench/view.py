@@ -17,7 +17,7 @@ from sim.bench.browser import Browser, Tab, found_browser
 from sim.run.folders import REACH_MAPS
 from sim.story.cases import StoryCase, StorySetup, setup_of
 from sim.story.play import RATE, StoryPlay, rehearse
-from sim.story.shown import StoryPage
+from sim.story.watched import StoryPage
 from sim.tables.header import header
 from sim.tables.table import value_row
 from sim.view.gate import LOCAL

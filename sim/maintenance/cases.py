@@ -28,8 +28,8 @@ from sim.story.cases import (
     upright,
 )
 from sim.story.cases import story_wrench as whole_wrench
-from sim.story.hand import box_of, held_farther_out
 from sim.story.request import ARMAR3, PANDA
+from sim.story.robot_hand import box_of, held_farther_out
 
 SIZES = (1.0, 0.96, 0.92)  # of the wrenches, against one of 25 cm
 HEIGHTS = 1.55, 1.90  # of the person [m]

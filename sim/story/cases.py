@@ -31,7 +31,7 @@ from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, FAR, LOOKED_AT, NEAR
 from sim.run.meet import GRASPS
 from sim.story.grasping import Reach, Reaches, straight_back
-from sim.story.hand import box_of, held_farther_out, is_valid, quarter_turns
+from sim.story.robot_hand import box_of, held_farther_out, is_valid, quarter_turns
 from sim.story.settings import AT_PLACE, PARTNER, StorySettings
 
 ASIDE = 60.0  # [deg] where people stand, at most

@@ -17,7 +17,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap
 from roadmap.ranges import check_kind
-from sim.story.hand import Hand
+from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}

@@ -14,8 +14,8 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference
 from sim.story.frame import Seen
-from sim.story.hand import is_valid
 from sim.story.phase import PhasePlanner
+from sim.story.robot_hand import is_valid
 from sim.story.settings import ConductSettings, GraspingSettings, StorySettings
 
 _GRASPING = GraspingSettings()

@@ -35,11 +35,11 @@ from sim.story import machine as table
 from sim.story.comfort import Berth, comfort_rods
 from sim.story.frame import Seen, Sight, StoryFrame, smallest_gap
 from sim.story.grasping import Offer, Reaches, straight_back
-from sim.story.hand import CLOSED, OPEN, Hand, check_grasps, with_room
 from sim.story.machine import Machine, Step, StoryEvent
+from sim.story.object_places import Placing, Progress, checked_places
 from sim.story.phase import PhasePlanner
-from sim.story.placing import Placing, Progress, checked_places
 from sim.story.pull import PullDetector, carried_force
+from sim.story.robot_hand import CLOSED, OPEN, Hand, check_grasps, with_room
 from sim.story.settings import ConductSettings, StorySettings
 
 _HANDS = [labels[0] for labels in ARM_LABELS.values()]

@@ -25,10 +25,10 @@ from sim.run.meet import exercise_choice
 from sim.story import machine as table
 from sim.story.cases import EXECUTION, RATE, StoryCase, StorySetup, in_reach
 from sim.story.frame import StoryFrame
-from sim.story.hand import CLOSED, box_of
 from sim.story.handover import Command, Handover
 from sim.story.machine import DIRECTIONS, StoryEvent
 from sim.story.phase import PhasePlanner
+from sim.story.robot_hand import CLOSED, box_of
 from sim.story.settings import PARTNER, GripperSettings, StorySettings
 from sim.story.wrist import PlainWrist, Wrist, person_force
 

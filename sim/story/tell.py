@@ -33,7 +33,7 @@ from sim.story.play import StoryMoment, StoryPlay, StoryResult, play, rehearse
 from sim.story.record import StoryRecorder
 from sim.story.request import KEYBOARD, MOCAP, DemoRequest
 from sim.story.settings import patience_with
-from sim.story.shown import StoryPage, write_story_film
+from sim.story.watched import StoryPage, write_story_film
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
 from sim.terminal.output import stdout_to_stderr

@@ -35,11 +35,11 @@ from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
-from sim.story.hand import held_farther_out
 from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult, new_story
 from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest
+from sim.story.robot_hand import held_farther_out
 from sim.story.settings import StorySettings
 
 SHORT = CycleSettings(uses_s=0.03)

@@ -13,8 +13,8 @@ from sim.maintenance import cases
 from sim.maintenance.cases import LadderCase
 from sim.story.cases import AT_PLACE, BACK
 from sim.story.grasping import Reaches
-from sim.story.hand import box_of, quarter_turns
 from sim.story.request import ARMAR3, DemoRequest
+from sim.story.robot_hand import box_of, quarter_turns
 
 ARMAR = cases.WORK_PLACES[ARMAR3]
 SECOND_STEP = 0.56  # [m] above the floor

@@ -24,12 +24,12 @@ from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
-from sim.story import hand as hand_module
+from sim.story import robot_hand as hand_module
 from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
 from sim.story.grasping import Reach, Reaches, straight_back
-from sim.story.hand import check_grasps, held_farther_out, quarter_turns, too_near
 from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine, Step
 from sim.story.play import new_story
+from sim.story.robot_hand import check_grasps, held_farther_out, quarter_turns, too_near
 from sim.story.settings import PARTNER, GraspingSettings
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"

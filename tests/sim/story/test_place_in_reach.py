@@ -17,8 +17,8 @@ from sim.story.cases import StoryCase, setup_of, upright, with_room_for
 from sim.story.play import StoryPlay
 from sim.story.record import StoryRecorder
 from sim.story.request import DemoRequest
-from sim.story.shown import write_story_film
 from sim.story.tell import _about_envelope, _about_place, _run_of
+from sim.story.watched import write_story_film
 from sim.story.wrist import PlainWrist
 
 PADS = ("flange",)

@@ -15,15 +15,15 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
 from sim.record.people import held_told
-from sim.story import cases, grasping, placing
+from sim.story import cases, grasping, object_places
 from sim.story.cases import other_places, setup_of
 from sim.story.frame import covering_balls
 from sim.story.grasping import Reaches
-from sim.story.hand import quarter_turns
 from sim.story.machine import PUT_DOWN, TABLES, Machine
-from sim.story.placing import Placing, checked_places
+from sim.story.object_places import Placing, checked_places
 from sim.story.play import new_story
 from sim.story.record import object_of, story_of
+from sim.story.robot_hand import quarter_turns
 from sim.story.settings import AT_PLACE, HELD_AT_PLACE
 
 PERIOD = 0.01
@@ -425,7 +425,7 @@ def test_configurations_that_somebody_is_in_the_way_of_are_passed_by(
     setup, monkeypatch
 ):
     settings = replace(HELD_AT_PLACE, kept=1)
-    monkeypatch.setattr(placing, "HELD_AT_PLACE", settings)
+    monkeypatch.setattr(object_places, "HELD_AT_PLACE", settings)
     story, human = story_at(setup, blocked_s=5.0)
     tried = []
     free = story.view.line_free

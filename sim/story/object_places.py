@@ -14,9 +14,9 @@ from roadmap.geometry.gaps import ball_gaps, beads, moved_rods
 from roadmap.transforms import check_pose
 from sim.story.frame import Seen
 from sim.story.grasping import Reach, Reaches
-from sim.story.hand import CLOSED, OPEN, Hand
 from sim.story.machine import Step
 from sim.story.phase import PhasePlanner
+from sim.story.robot_hand import CLOSED, OPEN, Hand
 from sim.story.settings import AT_PLACE, HELD_AT_PLACE, ConductSettings
 
 
