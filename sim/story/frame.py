@@ -7,6 +7,7 @@ import numpy as np
 
 from handover.human.human import Human
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import moved_rods
 from roadmap.ranges import check_kind
 
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
@@ -22,7 +23,8 @@ class StoryFrame:
 
     Attributes:
         now: Time [s], of any clock.
-        human: The person, world frame.
+        human: The person, world frame; where that is seen from the robot's base tells
+            `MeetSettings.T_world_base`.
         wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
         opened: Whether the fingers are open, as measured.
         holds: Whether there is something between closed fingers, as measured.
@@ -30,7 +32,7 @@ class StoryFrame:
         q: (dof,) measured configuration; None: at the set-point, or as far from it as
             when last measured.
         capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
-            `human.capsules()`, for a base in the world's origin.
+            those of `human`.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
 
     Raises:
@@ -67,10 +69,17 @@ class StoryFrame:
                     "capsule must have one; give both"
                 )
 
-    def person(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the capsules (k, 7) of the person, base frame [m], and labels (k,)."""
-        human = self.human
-        rows = human.capsules() if self.capsules is None else self.capsules
+    def person(
+        self, T_base_world: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the capsules (k, 7) of the person, base frame [m], and labels (k,).
+
+        `T_base_world` (4, 4) is the world's pose [m]; None: the base stands there.
+        """
+        rows, human = self.capsules, self.human
+        if rows is None:
+            rows = human.capsules()
+            rows = rows if T_base_world is None else moved_rods(rows, T_base_world)
         return rows, human.labels if self.labels is None else self.labels
 
 

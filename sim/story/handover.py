@@ -35,7 +35,7 @@ from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.motion.motion import SetPoint
 from roadmap.ranges import settings_of
-from roadmap.transforms import check_pose
+from roadmap.transforms import check_pose, inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import Berth, comfort_rods
 from sim.story.frame import StoryFrame
@@ -62,6 +62,7 @@ from sim.story.settings import (
 
 OPEN, CLOSED = "open", "closed"
 _WORDS = {int(part): part.words for part in Part}
+_ELSEWHERE = 0.03  # [m] covers of one object differ by less
 _HANDS = [labels[0] for labels in ARM_LABELS.values()]
 
 
@@ -121,6 +122,7 @@ class Handover:
         fingers: "open" or "closed": the command to the gripper.
         fetches: Whether it first takes the object from its place.
         holding: Whether the object counts as being in the hand.
+        T_tool_object: (4, 4) how it is held, or was or is to be held [m].
         answer: The last answer of the planner, or what stood for one.
 
     Raises:
@@ -142,6 +144,7 @@ class Handover:
         s = self.settings = settings_of(settings, StorySettings)
         self.conduct = conduct
         _check_pads(planner)
+        _check_base(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
         self.view = executor.planner
         if not isinstance(self.view, PhasePlanner):
@@ -160,16 +163,21 @@ class Handover:
         _check_hand(planner, self.holding)
         self._lay_out(thing)
         if self.holding and planner.attached is None:
-            planner.attach(self._carried, self._T_tool_object)
+            planner.attach(self._carried, self.T_tool_object)
             _check_room(planner, self._rest)
+        elif self.holding:
+            _check_held(planner, self._carried.moved(self.T_tool_object).spheres)
         self._enter()
 
     def _lay_out(self, thing: Shape | None) -> None:
         """Make what is remembered between frames."""
         s, meet = self.settings, self.targets.meet
         self._obj, self._side = meet.obj, meet.settings.side
+        # None where base and world are the same: rows stay as they are, to the bit
+        T = meet.settings.T_world_base
+        self._T_base_world = None if (T == np.eye(4)).all() else inverse_pose(T)
         self._carried = carried_object(box_of(meet.obj) if thing is None else thing)
-        self._T_tool_object = np.array(meet.obj.T_tool_object)
+        self.T_tool_object = np.array(meet.obj.T_tool_object)
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(self.planner.robot, s.speed) if s.slow else None
@@ -196,7 +204,7 @@ class Handover:
         self._at_place: tuple[Reaches, int] | None = None  # of which it uses one
         self._places = Places(0)  # where it may be put down
         self._came: tuple[float, float] = 0.0, 0.0  # when to one, hindered by then [s]
-        self._put = self._T_tool_object  # where it was put between the fingers
+        self._put = self.T_tool_object  # where it was put between the fingers
         self._line: tuple[np.ndarray, np.ndarray] | None = None  # (3,) where to, (dof,)
         self._steps: list[Step] = []
         self._at = 0  # which step
@@ -414,7 +422,7 @@ class Handover:
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
         dt = self._passed(frame.now)
-        rows, labels = frame.person()
+        rows, labels = frame.person(self._T_base_world)
         hand, arm = self._parts(labels)
         obj = self._object_rows(frame)
         # what the fingers hold moves with them, whether it counts as taken or not
@@ -510,7 +518,10 @@ class Handover:
             return
         threat, arm, rows, labels, hand = seen.whole
         gaze = frame.human.gaze if frame.capsules is None else None
-        rods = comfort_rods(rows, labels, hand, gaze, self.settings.comfort)
+        told, T = {}, self._T_base_world
+        if T is not None:
+            told["up"], gaze = T[:3, 2], None if gaze is None else T[:3, :3] @ gaze
+        rods = comfort_rods(rows, labels, hand, gaze, self.settings.comfort, **told)
         self._expect(threat, arm, rods)
         self._told_at = self._now
 
@@ -530,7 +541,7 @@ class Handover:
         T = frame.T_base_object
         if self.holding:
             T = tool_pose(self.planner.robot, self.executor.set_point.q)
-            T = T @ self._T_tool_object
+            T = T @ self.T_tool_object
         if T is None:
             return None
         return moved_rods(self._obj.capsules, T)
@@ -611,7 +622,7 @@ class Handover:
         takes = self.state == table.CLOSE and (self.holding or frame.holds)
         if takes or (self._give and self.holding):
             T_world_base = self.targets.meet.settings.T_world_base
-            told = point, self._T_tool_object, self._obj.mass_kg, T_world_base
+            told = point, self.T_tool_object, self._obj.mass_kg, T_world_base
             weighs = carried_force(self.planner.robot, *told)
             own, taken = (None, weighs) if takes else (weighs, None)
         self._pull.feel(frame.wrench, seen.dt, moving, taken, own)
@@ -806,7 +817,7 @@ class Handover:
         return self._fetching_by(reach)
 
     def _fetching_by(self, reach: Reach) -> list[Step]:
-        self._T_tool_object = reach.T_tool_object
+        self.T_tool_object = reach.T_tool_object
         above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
         up = Step("line", reach.q_before)
         return [above, at, Step("grip", CLOSED), Step("take"), up]
@@ -984,7 +995,7 @@ class Handover:
         In a place that is not its own nothing may hold the object: robot and object
         come down to what it stands on, clear of all else.
         """
-        held = self._T_tool_object if self.holding else None
+        held = self.T_tool_object if self.holding else None
         grasps = self._reaches.T_tool_object if held is None else held[None]
         index = self.targets.finder.index
         settings = AT_PLACE if held is None else HELD_AT_PLACE
@@ -1141,7 +1152,7 @@ class Handover:
     def _let_go(self) -> None:
         if self.state == table.PUT_DOWN:
             T = tool_pose(self.planner.robot, self.executor.set_point.q)
-            self._stands_at = (T @ self._T_tool_object)[:3, 3]
+            self._stands_at = (T @ self.T_tool_object)[:3, 3]
         self.planner.detach()
         self.holding = False
         if self.view.phase is not None:
@@ -1158,10 +1169,10 @@ class Handover:
     def _take(self) -> None:
         """Have the object in the hand, in the map, too."""
         if self._taken is not None and not self._give:
-            self._T_tool_object = self._taken.T_tool_object
+            self.T_tool_object = self._taken.T_tool_object
         elif self.state == table.CLOSE:
-            self._T_tool_object = self._put
-        self.planner.attach(self._carried, self._T_tool_object)
+            self.T_tool_object = self._put
+        self.planner.attach(self._carried, self.T_tool_object)
         self.holding, self._stands_at = True, None
         if self.state != table.CLOSE:
             self._pull.forget()
@@ -1383,6 +1394,16 @@ def _check_pads(planner: ReactivePlanner) -> None:
         )
 
 
+def _check_base(planner: ReactivePlanner) -> None:
+    """Refuse a planner that takes what is told in the base's frame for the world's."""
+    if (planner.world.T_world_base != np.eye(4)).any():
+        raise BadInput(
+            "planner.set_base was called, but a hand-over tells the planner all in the "
+            "base's frame; call planner.set_base(np.eye(4)), and give the base's pose "
+            "as MeetSettings(T_world_base=...)"
+        )
+
+
 def _check_hand(planner: ReactivePlanner, holds: bool) -> None:
     """Refuse a planner that could not take the object once the fingers close on it."""
     if not holds and planner.attached is not None:
@@ -1395,6 +1416,20 @@ def _check_hand(planner: ReactivePlanner, holds: bool) -> None:
             f"map {planner.cell_map.recipe.name} has no payload layer, and search is 0 "
             "in the planner's settings, so nothing could be held; set search to 1000, "
             "or add a [payload] table to the recipe and build it again"
+        )
+
+
+def _check_held(planner: ReactivePlanner, spheres: np.ndarray) -> None:
+    """Refuse an object (n, 4) that the planner holds elsewhere."""
+    rows = planner.attached, spheres
+    ends = [(r[:, :3] - r[:, 3:]).min(0) + (r[:, :3] + r[:, 3:]).max(0) for r in rows]
+    off = 0.5 * _length(ends[0] - ends[1])  # of the boxes around them
+    if off > _ELSEWHERE:
+        raise BadInput(
+            f"the planner holds something {100 * off:.0f} cm from where T_tool_object "
+            f"of the targets' object has it (limit {100 * _ELSEWHERE:.0f} cm); make "
+            "them with obj.held_by(story.T_tool_object) of the story that took it, or "
+            "call planner.detach() before"
         )
 
 

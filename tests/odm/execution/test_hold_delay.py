@@ -113,7 +113,7 @@ def test_nobody_is_told_of_how_another_robot_would_go_on(scene):
 
 @pytest.mark.parametrize("tremble", [0.0, 0.005])
 def test_a_robot_that_brakes_at_a_person_does_not_start_and_stop(small_map, tremble):
-    """It goes on where that is free for longer than a frame; it had stopped 40 times."""
+    """It creeps on, or rests; it had stopped 40 times and got no farther."""
     planner = odm.ReactivePlanner(small_map)
     executor = Executor(small_map.robot, planner, START, PERIOD)
     *tip, radius = cover_balls(executor.robot, END)[executor.robot.moving][-1]
@@ -131,4 +131,4 @@ def test_a_robot_that_brakes_at_a_person_does_not_start_and_stop(small_map, trem
         executor.advance()
         states.append(executor.state == BRAKED)
     starts = np.flatnonzero(np.diff(np.array(states, int)) < 0)
-    assert len(starts) <= 4 and np.abs(executor.set_point.q - END).max() < 0.5
+    assert len(starts) <= 4 and np.abs(executor.set_point.q - END).max() < 0.38

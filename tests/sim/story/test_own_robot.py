@@ -131,6 +131,50 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 2.0), (np.pi, 0.0, 0.3), (0.0, -1.57, 0)])
+def test_the_person_is_where_a_base_that_is_turned_or_hangs_sees_them(maps, rpy):
+    T = pose_of((0.4, -1.0, 1.1), rpy)
+    story, human = story_of(maps, T_world_base=T)
+    human = human.looking(np.array([1.0, 0.0, 0.0]))
+    rods = []
+    story.planner.expect = lambda there: rods.append(there.capsules)
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
+    np.testing.assert_allclose(
+        story.view.person, human.obstacles(T).capsules, atol=1e-12
+    )
+    behind = T[:3, :3] @ rods[0][-1].reshape(-1)[:6].reshape(2, 3).T + T[:3, 3:]
+    assert np.allclose(behind[:2, 0], behind[:2, 1])  # upright in the world
+    head = human.capsules()[human.labels == Part.HEAD, :6].reshape(-1, 3)
+    assert np.isclose(behind[0, 0], head.mean(axis=0)[0] - 0.35)
+
+
+def test_a_planner_that_was_told_in_the_world_is_refused(maps):
+    story, _ = story_of(maps)
+    story.planner.detach()
+    story.planner.set_base(pose_of((0.0, 0.0, 1.0), (np.pi, 0.0, 0.0)))
+    with pytest.raises(BadInput, match="MeetSettings.T_world_base"):
+        sim.Handover(story.planner, story.targets, story.executor)
+
+
+def test_what_was_received_is_given_back_as_it_is_held(maps):
+    """By the same planner and executor; held as no story took it, it is refused."""
+    story, states = receive(maps, lambda story: True)
+    assert states[-1] == "kept" and story.outcome == "handed over"
+    meet = story.targets.meet
+    obj = meet.obj.held_by(story.T_tool_object)
+    meet = handover.InteractionWorkspace(maps[1], meet.human, obj, 4, meet.settings)
+    targets = handover.LiveTargets(story.planner, meet, None, maps[2])
+    back = sim.Handover(story.planner, targets, story.executor)
+    assert back.holding and back.state == "approach"
+    away = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0)) @ story.T_tool_object
+    meet = handover.InteractionWorkspace(
+        maps[1], meet.human, obj.held_by(away), 4, meet.settings
+    )
+    targets = handover.LiveTargets(story.planner, meet, None, maps[2])
+    with pytest.raises(BadInput, match="10 cm .*obj.held_by.story.T_tool_object"):
+        sim.Handover(story.planner, targets, story.executor)
+
+
 def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatch):
     story, human = story_of(maps)
     story.machine = Machine(TABLES["give"], FETCH)  # as with a T_base_place
@@ -261,7 +305,7 @@ def test_who_was_driven_off_against_the_object_backs_out_first(
     story.machine = Machine(TABLES["give"], FETCH)
     story.holding, story.fingers = False, "open"
     q = story.executor.set_point.q
-    T = tool_pose(story.planner.robot, q) @ story._T_tool_object
+    T = tool_pose(story.planner.robot, q) @ story.T_tool_object
     if not beside:
         T = pose_of((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)) @ T
     story._steps = [Step("goal", [q + 0.1]), Step("line", q), Step("grip", "closed")]
@@ -280,7 +324,7 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
     story, human = story_of(maps, blocked_s=0.05)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    story._T_place = index.T_base_tool[near] @ story.T_tool_object
     story.holding, story.fingers = False, "open"
     story.machine = Machine(TABLES["give"], FETCH)
     story._enter()
@@ -309,7 +353,7 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
             since.append(now)
             far = 0.2 - 0.1 * min(1.0, max(0.0, now - since[0] - 1.0))
             T = tool_pose(story.planner.robot, story.executor.set_point.q)
-            place = (T @ story._T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
+            place = (T @ story.T_tool_object)[:3, 3] + [0.0, far + 0.1, 0.0]
             seen[hand, :3] = seen[hand, 3:6] = place
         if story._last is not None:
             gaps.setdefault(story.state, []).append(story._last.hand_gap)
@@ -329,13 +373,13 @@ def at_a_place(maps, direction, state):
     story, human = story_of(maps, direction)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    story._T_place = index.T_base_tool[near] @ story._T_tool_object
+    story._T_place = index.T_base_tool[near] @ story.T_tool_object
     if state == FETCH:
         story.holding, story.fingers = False, "open"
         story.planner.detach()
     else:
         story.holding, story.fingers = True, "closed"
-        story.planner.attach(story._carried, story._T_tool_object)
+        story.planner.attach(story._carried, story.T_tool_object)
     story.machine = Machine(TABLES[direction], state)
     story._enter()
     return story, human
@@ -634,7 +678,7 @@ def test_what_the_map_has_no_room_for_is_not_closed_on(maps, narrow):
     for aside, states in ((0.004, ["close"]), (0.008, ["wait", "close"])):
         story, told = receive(maps, lambda story: True, before=0.0, aside=aside)
         assert told[: len(states)] == states and story.outcome == "handed over"
-        assert np.abs(story._T_tool_object[:3, 3] - narrow).max() <= 0.005
+        assert np.abs(story.T_tool_object[:3, 3] - narrow).max() <= 0.005
 
 
 def test_an_object_that_fits_the_map_by_no_grasp_is_refused_before_the_first_frame(
@@ -695,7 +739,7 @@ def test_it_waits_before_an_object_with_room_to_spare(maps):
 
 def test_ways_that_lack_room_come_last_and_only_where_there_are_no_others(maps):
     story, _ = story_of(maps, "receive")
-    T = story.targets.finder.index.T_base_tool[0] @ story._T_tool_object
+    T = story.targets.finder.index.T_base_tool[0] @ story.T_tool_object
     look = story._reaches
     rooms = iter([0.004, 0.001, 0.03])
     look._before = lambda T, q: (q, next(rooms, 0.002))
@@ -797,7 +841,7 @@ def test_who_is_to_grasp_is_asked_about_the_grasp_before_the_first_frame(
     assert np.array_equal(asked[0], story.grasps)
     index = story.targets.finder.index
     near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    T_place = index.T_base_tool[near] @ story._T_tool_object
+    T_place = index.T_base_tool[near] @ story.T_tool_object
     told = story.planner, story.targets, story.executor, sim.StorySettings()
     assert sim.Handover(*told, T_base_place=T_place).fetches and len(asked) == 2
     assert np.array_equal(asked[1], story.grasps)

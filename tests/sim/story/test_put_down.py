@@ -43,7 +43,7 @@ def story_at(setup, **settings):
     settings = sim.StorySettings(direction="receive", **{**QUICK, **settings})
     story = new_story(setup, settings, human)
     story.holding, story.fingers = True, "closed"
-    story.planner.attach(story._carried, story._T_tool_object)
+    story.planner.attach(story._carried, story.T_tool_object)
     story.machine = Machine(TABLES["receive"], PUT_DOWN)
     story._enter()
     return story, human
@@ -63,7 +63,7 @@ def put_down(story, human, seconds, there):
         story.update(sim.StoryFrame(now, human, None, **told))
         if story.fingers == "open" and at is None:
             T = tool_pose(story.planner.robot, story.executor.set_point.q)
-            at, since = (T @ story._T_tool_object)[:3, 3], now
+            at, since = (T @ story.T_tool_object)[:3, 3], now
         opened = at is not None and now > since + 0.15
         if story.ended:
             break
@@ -82,7 +82,7 @@ def beside_what_it_put_down(setup, **conduct):
     settings = sim.StorySettings(direction="receive", **QUICK)
     story = new_story(setup, settings, human)
     story.conduct = replace(story.conduct, **conduct)
-    story.planner.attach(story._carried, story._T_tool_object)
+    story.planner.attach(story._carried, story.T_tool_object)
     story.machine = Machine(TABLES["receive"], PUT_DOWN)
     story._let_go()
     return story, human
@@ -107,7 +107,7 @@ def grows(threat, time=0.3):
 
 def at_hand(story):
     q = story.executor.set_point.q
-    return tool_pose(story.planner.robot, q) @ story._T_tool_object
+    return tool_pose(story.planner.robot, q) @ story.T_tool_object
 
 
 def test_what_was_put_down_does_not_start_off_where_nobody_can_get_to_it(setup):
