@@ -75,7 +75,7 @@ class PaceSettings(CheckedSettings):
         rests_s: ... or after so long [s]. 0: where it has to stop for somebody who
             stands still it starts and stops 20 times a second.
         creeps: Speeds below the slowest level, as shares of that one: where that is too
-            fast it creeps on without a stop.
+            fast it creeps on without a stop. 1: none.
         hindered_s: After slowing down for a person, jerk is not limited for so long
             [s]: a gentle start beside them would creep.
         keep_every: Frames between two checks of a motion's jerk limit; each takes a
