@@ -83,15 +83,12 @@ class Executor:
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
         s = self.settings = settings_of(settings, ExecutionSettings)
-        self.pace, self._lower, self._slowest = pace, s.lower, s.levels - 1
-        usual = s.speed_scale * s.lower ** np.arange(s.levels)
-        creeping = s.slowest_scale * np.asarray(pace.creeps)
-        self.scales, self._braked_s = np.append(usual, creeping), 0.0
+        self.pace, self._lower, self.scales = pace, s.lower, _levels(s, pace)
         self._last_level = len(self.scales) - 1
         self._shares = (self.scales / self.scales[0]).tolist()
         self.motion, self.t = time_path(robot, as_floats("q", q)[None]), 0.0
         self.held: Motion | None = None
-        self.held_t = 0.0
+        self.held_t, self._braked_s = 0.0, 0.0
         self.state, self.reason = STANDING, ""
         self.quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
@@ -196,7 +193,7 @@ class Executor:
         """
         check_number("the share of the speed", share, 0.0, sys.float_info.max)
         within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
-        self._least_level = min([*within, self._slowest])
+        self._least_level = min([*within, self.settings.levels - 1])
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.
@@ -766,6 +763,12 @@ class Executor:
 
     def _take(self, motion: Motion) -> None:
         self.motion, self.t = motion, 0.0
+
+
+def _levels(settings: ExecutionSettings, pace: PaceSettings) -> np.ndarray:
+    """Return (k,) shares of the joints' speed limits, those it creeps at last."""
+    usual = settings.speed_scale * settings.lower ** np.arange(settings.levels)
+    return np.append(usual, settings.slowest_scale * np.asarray(pace.creeps))
 
 
 def _as_lately(threat: Moving | None) -> Moving | None:
