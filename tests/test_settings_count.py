@@ -39,8 +39,9 @@ PERIOD = 0.01
 def test_levels_of_speed_are_those_asked_for(small_map):
     settings = ExecutionSettings(0.8, levels=3, lower=0.5)
     planner = odm.ReactivePlanner(small_map)
-    executor = Executor(small_map.robot, planner, np.zeros(3), PERIOD, settings)
-    assert executor.scales.tolist() == [0.8, 0.4, 0.2]
+    how = settings, PaceSettings(creeps=(0.25,))
+    executor = Executor(small_map.robot, planner, np.zeros(3), PERIOD, *how)
+    assert executor.scales.tolist() == [0.8, 0.4, 0.2, 0.05]
     assert settings.slowest_scale == 0.2
     executor.limit_speed(0.01)
     assert executor._least_level == 2

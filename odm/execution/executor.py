@@ -83,12 +83,12 @@ class Executor:
         self.robot, self.planner = robot, planner
         self.period = check_number("the period of an executor [s]", period, 1e-4, 10.0)
         s = self.settings = settings_of(settings, ExecutionSettings)
-        self.pace, self._lower, self._last_level = pace, s.lower, s.levels - 1
-        self.scales = s.speed_scale * s.lower ** np.arange(s.levels)
+        self.pace, self._lower, self.scales = pace, s.lower, _levels(s, pace)
+        self._last_level = len(self.scales) - 1
         self._shares = (self.scales / self.scales[0]).tolist()
         self.motion, self.t = time_path(robot, as_floats("q", q)[None]), 0.0
         self.held: Motion | None = None
-        self.held_t = 0.0
+        self.held_t, self._braked_s = 0.0, 0.0
         self.state, self.reason = STANDING, ""
         self.quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
@@ -184,16 +184,16 @@ class Executor:
     def limit_speed(self, share: float) -> None:
         """Use no more than this share of the full speed from the next frame on.
 
-        The fastest level within it is taken, the slowest one where there is none. This
-        is for the comfort of people: that the robot can stop is tested with or without
-        it.
+        The fastest level within it is taken, the slowest one where there is none, but
+        none at which it creeps. This is for the comfort of people: that the robot can
+        stop is tested with or without it.
 
         Args:
             share: Of the speed at `speed_scale`; 1 for all of it.
         """
         check_number("the share of the speed", share, 0.0, sys.float_info.max)
         within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
-        self._least_level = within[0] if within else self._last_level
+        self._least_level = min([*within, self.settings.levels - 1])
 
     def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.
@@ -571,7 +571,8 @@ class Executor:
             self.held = None
             return
         if self.state == BRAKED:
-            self._go_on_slowly(threat)
+            self._braked_s += self.period
+            self._set_off(threat)
             return
         self._keep_limit(threat)
         if self._may_go(self.motion, self.t, threat):
@@ -643,21 +644,28 @@ class Executor:
             self._take(slower)
             self._level, self.reason = self._least_level, "slower, near the person"
 
-    def _go_on_slowly(self, threat: Moving) -> None:
-        """Go on after a stop, if that would not be braked a moment later; else stop."""
-        slow = self._rescaled(self._last_level)
-        held = self.held, self.held_t
-        lasts = self._may_go(slow, min(self.pace.set_off_s, slow.duration), threat)
-        self.held, self.held_t = held  # not the stop from there
-        if lasts and self._may_go(slow, 0.0, threat):
-            self._take(slow)
-            self._level, self.state = self._last_level, SLOWED
-        else:
-            self.reason, self._hindered = self._why(threat), self._frame
-            self._stop_as_tested()
+    def _set_off(self, threat: Moving) -> None:
+        """Go on after a stop that was long, or would not come again in a moment.
+
+        Else it would start and stop in turn at the place where it has to stand.
+        """
+        rested = self._braked_s >= self.pace.rests_s - 1e-9
+        for level in sorted({self._level, self._last_level}):
+            motion, held = self._rescaled(level), (self.held, self.held_t)
+            later = min(self.pace.set_off_s, motion.duration)
+            lasts = self._may_go(motion, later, threat)
+            self.held, self.held_t = held  # the stop from here, not from there
+            goes = lasts or rested and level == self._last_level
+            if goes and self._may_go(motion, 0.0, threat):
+                self._take(motion)
+                self._level, self.state = level, SLOWED if level else MOVING
+                return
+        self.reason, self._hindered = self._why(threat), self._frame
+        self._stop_as_tested()
 
     def _stop_as_tested(self) -> None:
         """Take the stop that was tested one frame ago, or before."""
+        self._braked_s = self._braked_s if self.state == BRAKED else 0.0
         self.state = BRAKED
         if self.held is None:
             self._take(self.motion.stop(self.t))
@@ -755,6 +763,12 @@ class Executor:
 
     def _take(self, motion: Motion) -> None:
         self.motion, self.t = motion, 0.0
+
+
+def _levels(settings: ExecutionSettings, pace: PaceSettings) -> np.ndarray:
+    """Return (k,) shares of the joints' speed limits, those it creeps at last."""
+    usual = settings.speed_scale * settings.lower ** np.arange(settings.levels)
+    return np.append(usual, settings.slowest_scale * np.asarray(pace.creeps))
 
 
 def _as_lately(threat: Moving | None) -> Moving | None:

@@ -71,8 +71,11 @@ class PaceSettings(CheckedSettings):
         look_ahead_s: A higher speed must pass the test of a stop that begins this much
             later [s]. More: it speeds up later, and slows down less.
         set_off_s: A robot that was braked sets off where the braking test would pass
-            this much later on its way, too, were the person as they are now [s]. 0:
-            beside somebody who stands still it starts and stops 16 times a second.
+            this much later on its way, too, were the person as they are now [s],
+        rests_s: ... or after so long [s]. 0: where it has to stop for somebody who
+            stands still it starts and stops 20 times a second.
+        creeps: Speeds below the slowest level, as shares of that one: where that is too
+            fast it creeps on without a stop. 1: none.
         hindered_s: After slowing down for a person, jerk is not limited for so long
             [s]: a gentle start beside them would creep.
         keep_every: Frames between two checks of a motion's jerk limit; each takes a
@@ -91,6 +94,8 @@ class PaceSettings(CheckedSettings):
 
     look_ahead_s: float = setting(0.02, 0.0, 10.0, "s")
     set_off_s: float = setting(0.05, 0.0, 10.0, "s")
+    rests_s: float = setting(0.5, 0.0, 10.0, "s")
+    creeps: tuple[float, ...] = setting((0.5, 0.25), 1e-6, 1.0)
     hindered_s: float = setting(0.12, 0.0, 10.0, "s")
     keep_every: int = setting(3, 1, 10_000)
     again: float = setting(1.5, 1.0, 100.0)

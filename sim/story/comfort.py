@@ -20,6 +20,7 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps
 from sim.story.settings import ComfortRodSettings, ComfortSettings
 
+UP = np.array([0.0, 0.0, 1.0])
 QUICK = 0.005  # [m] who comes no farther meanwhile makes nobody creep
 _WIDEST = 0.10  # [m] of a berth: a sensor may be worse, but a person has to be passed
 _BRINK = 0.002  # [m] nearer than a berth and this, the robot is in it
@@ -35,6 +36,7 @@ def comfort_rods(
     gaze: np.ndarray | None,
     settings: ComfortSettings,
     rods: ComfortRodSettings = ComfortRodSettings(),
+    up: np.ndarray = UP,
 ) -> np.ndarray:
     """Return (k, 7) capsules that new paths keep clear of, if they can.
 
@@ -45,6 +47,7 @@ def comfort_rods(
         gaze: (3,) where they look, in the capsules' frame; None: not known there.
         settings: See ComfortSettings.
         rods: Where they are.
+        up: (3,) against gravity, a unit vector in the capsules' frame.
     """
     found = []
     head = capsules[labels == Part.HEAD, :6].reshape(-1, 3)
@@ -58,11 +61,11 @@ def comfort_rods(
             end = face + (1.0 - rods.short / far) * away
             found.append([*face, *end, settings.face_to_hand])
     if settings.unseen and gaze is not None:
-        flat = np.array([gaze[0], gaze[1], 0.0])
+        flat = gaze - (gaze @ up) * up
         long = math.sqrt(flat @ flat)
         if long > 1e-6:
             behind = face - rods.behind / long * flat
-            below = behind - [0.0, 0.0, rods.down]
+            below = behind - rods.down * up
             found.append([*behind, *below, settings.unseen])
     return np.array(found).reshape(-1, 7)
 

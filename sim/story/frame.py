@@ -15,7 +15,7 @@ from handover.human.human import Human
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap
+from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
 from roadmap.ranges import check_kind
 from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
@@ -34,7 +34,8 @@ class StoryFrame:
 
     Attributes:
         now: Time [s], of any clock.
-        human: The person, world frame.
+        human: The person, world frame; where that is seen from the robot's base tells
+            `MeetSettings.T_world_base`.
         wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
         opened: Whether the fingers are open, as measured.
         holds: Whether there is something between closed fingers, as measured.
@@ -42,7 +43,7 @@ class StoryFrame:
         q: (dof,) measured configuration; None: at the set-point, or as far from it as
             when last measured.
         capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
-            `human.capsules()`, for a base in the world's origin.
+            those of `human`.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
 
     Raises:
@@ -79,10 +80,17 @@ class StoryFrame:
                     "capsule must have one; give both"
                 )
 
-    def person(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the capsules (k, 7) of the person, base frame [m], and labels (k,)."""
-        human = self.human
-        rows = human.capsules() if self.capsules is None else self.capsules
+    def person(
+        self, T_base_world: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the capsules (k, 7) of the person, base frame [m], and labels (k,).
+
+        `T_base_world` (4, 4) is the world's pose [m]; None: the base stands there.
+        """
+        rows, human = self.capsules, self.human
+        if rows is None:
+            rows = human.capsules()
+            rows = rows if T_base_world is None else moved_rods(rows, T_base_world)
         return rows, human.labels if self.labels is None else self.labels
 
 
@@ -172,10 +180,19 @@ class Sight:
         hand: The robot's, with the story's settings; what it holds is not looked for.
         conduct: How frames are read.
         side: Which hand of the person takes part.
+        T_base_world: (4, 4) the world's pose in the base frame [m]; None: the base
+            stands there, and rows stay as they are, to the bit.
     """
 
-    def __init__(self, hand: Hand, conduct: ConductSettings, side: str) -> None:
+    def __init__(
+        self,
+        hand: Hand,
+        conduct: ConductSettings,
+        side: str,
+        T_base_world: np.ndarray | None = None,
+    ) -> None:
         self.hand, self.conduct, self.side = hand, conduct, side
+        self.T_base_world = T_base_world
         self.settings = hand.settings
         self._watcher = Watcher(hand.settings.threat)
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
@@ -185,7 +202,7 @@ class Sight:
 
     def look(self, frame: StoryFrame, dt: float) -> Seen:
         """Work out a frame, `dt` [s] after the one before."""
-        rows, labels = frame.person()
+        rows, labels = frame.person(self.T_base_world)
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not

@@ -31,8 +31,9 @@ from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, difference
 from roadmap.motion.motion import SetPoint
 from roadmap.ranges import settings_of
+from roadmap.transforms import inverse_pose
 from sim.story import machine as table
-from sim.story.comfort import Berth, comfort_rods
+from sim.story.comfort import UP, Berth, comfort_rods
 from sim.story.frame import Seen, Sight, StoryFrame, smallest_gap
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
@@ -98,6 +99,7 @@ class Handover:
     ) -> None:
         s = self.settings = settings_of(settings, StorySettings)
         self.conduct = conduct
+        _check_base(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
         self.view = executor.planner
         if not isinstance(self.view, PhasePlanner):
@@ -131,7 +133,10 @@ class Handover:
             hand.grasps = with_room(planner, hand.carried, hand.grasps)
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(planner, hand.grasps, capsules, index.nodes)
-        self.sight = Sight(hand, conduct, self.targets.meet.settings.side)
+        meet = self.targets.meet.settings
+        T = None if (meet.T_world_base == np.eye(4)).all() else meet.T_world_base
+        T_base_world = None if T is None else inverse_pose(T)
+        self.sight = Sight(hand, conduct, meet.side, T_base_world)
         how = conduct, self._allowance
         args = self.view, hand, index, self._rest, *how, T_places
         self.placing = Placing(*args, self._why_it_stands)
@@ -163,6 +168,11 @@ class Handover:
     def holding(self) -> bool:
         """Whether the object counts as being in the hand."""
         return self.hand.holding
+
+    @property
+    def T_tool_object(self) -> np.ndarray:
+        """(4, 4) how the object is held, or was or is to be held [m]."""
+        return self.hand.T_tool_object
 
     @property
     def state(self) -> str:
@@ -373,7 +383,10 @@ class Handover:
             return
         gaze = frame.human.gaze if frame.capsules is None else None
         parts = seen.person, seen.labels, seen.hand
-        rods = comfort_rods(*parts, gaze, self.settings.comfort)
+        up, T = UP, self.sight.T_base_world
+        if T is not None:
+            up, gaze = T[:3, 2], None if gaze is None else T[:3, :3] @ gaze
+        rods = comfort_rods(*parts, gaze, self.settings.comfort, up=up)
         self._expect(seen.threat, seen.arm, rods)
         self._expected_at = self._now
 
@@ -914,3 +927,13 @@ def _holding(reason: str) -> SimpleNamespace:
 def _most(values: np.ndarray) -> float:
     """Return the largest amount among a few numbers (n,)."""
     return max(map(abs, values.tolist()))
+
+
+def _check_base(planner: ReactivePlanner) -> None:
+    """Refuse a planner that takes what is told in the base's frame for the world's."""
+    if (planner.world.T_world_base != np.eye(4)).any():
+        raise BadInput(
+            "planner.set_base was called, but a hand-over tells the planner all in the "
+            "base's frame; call planner.set_base(np.eye(4)), and give the base's pose "
+            "as MeetSettings(T_world_base=...)"
+        )

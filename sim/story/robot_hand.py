@@ -19,6 +19,7 @@ from roadmap.transforms import pose_with, rotation_rpy
 from sim.story.settings import GraspingSettings, StorySettings
 
 OPEN, CLOSED = "open", "closed"
+_ELSEWHERE = 0.03  # [m] covers of one object differ by less
 _GRASPING = GraspingSettings()
 
 
@@ -70,6 +71,8 @@ class Hand:
         if holding and planner.attached is None:
             planner.attach(self.carried, self.T_tool_object)
             _check_room(planner, executor.set_point.q)
+        elif holding:
+            _check_held(planner, self.carried.moved(self.T_tool_object).spheres)
 
     def T_base_tool(self) -> np.ndarray:
         """Return (4, 4) where the tool is at the set-point [m]."""
@@ -303,6 +306,20 @@ def _check_carrier(planner: ReactivePlanner, holds: bool) -> None:
             f"map {planner.cell_map.recipe.name} has no payload layer, and search is 0 "
             "in the planner's settings, so nothing could be held; set search to 1000, "
             "or add a [payload] table to the recipe and build it again"
+        )
+
+
+def _check_held(planner: ReactivePlanner, spheres: np.ndarray) -> None:
+    """Refuse an object (n, 4) that the planner holds elsewhere."""
+    rows = planner.attached, spheres
+    ends = [(r[:, :3] - r[:, 3:]).min(0) + (r[:, :3] + r[:, 3:]).max(0) for r in rows]
+    off = 0.5 * float(np.linalg.norm(ends[0] - ends[1]))  # of the boxes around them
+    if off > _ELSEWHERE:
+        raise BadInput(
+            f"the planner holds something {100 * off:.0f} cm from where T_tool_object "
+            f"of the targets' object has it (limit {100 * _ELSEWHERE:.0f} cm); make "
+            "them with obj.held_by(story.T_tool_object) of the story that took it, or "
+            "call planner.detach() before"
         )
 
 

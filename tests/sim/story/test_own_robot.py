@@ -123,6 +123,50 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 2.0), (np.pi, 0.0, 0.3), (0.0, -1.57, 0)])
+def test_the_person_is_where_a_base_that_is_turned_or_hangs_sees_them(maps, rpy):
+    T = pose_of((0.4, -1.0, 1.1), rpy)
+    story, human = story_of(maps, T_world_base=T)
+    human = human.looking(np.array([1.0, 0.0, 0.0]))
+    rods = []
+    story.planner.expect = lambda there: rods.append(there.capsules)
+    story.update(sim.StoryFrame(0.0, human, pulled(0.0), False, True))
+    np.testing.assert_allclose(
+        story.view.person, human.obstacles(T).capsules, atol=1e-12
+    )
+    behind = T[:3, :3] @ rods[0][-1].reshape(-1)[:6].reshape(2, 3).T + T[:3, 3:]
+    assert np.allclose(behind[:2, 0], behind[:2, 1])  # upright in the world
+    head = human.capsules()[human.labels == Part.HEAD, :6].reshape(-1, 3)
+    assert np.isclose(behind[0, 0], head.mean(axis=0)[0] - 0.35)
+
+
+def test_a_planner_that_was_told_in_the_world_is_refused(maps):
+    story, _ = story_of(maps)
+    story.planner.detach()
+    story.planner.set_base(pose_of((0.0, 0.0, 1.0), (np.pi, 0.0, 0.0)))
+    with pytest.raises(BadInput, match="MeetSettings.T_world_base"):
+        sim.Handover(story.planner, story.targets, story.executor)
+
+
+def test_what_was_received_is_given_back_as_it_is_held(maps):
+    """By the same planner and executor; held as no story took it, it is refused."""
+    story, states = receive(maps, lambda story: True)
+    assert states[-1] == "kept" and story.outcome == "handed over"
+    meet = story.targets.meet
+    obj = meet.obj.held_by(story.T_tool_object)
+    meet = handover.InteractionWorkspace(maps[1], meet.human, obj, 4, meet.settings)
+    targets = handover.LiveTargets(story.planner, meet, None, maps[2])
+    back = sim.Handover(story.planner, targets, story.executor)
+    assert back.holding and back.state == "approach"
+    away = pose_of((0.0, 0.0, 0.1), (0.0, 0.0, 0.0)) @ story.T_tool_object
+    meet = handover.InteractionWorkspace(
+        maps[1], meet.human, obj.held_by(away), 4, meet.settings
+    )
+    targets = handover.LiveTargets(story.planner, meet, None, maps[2])
+    with pytest.raises(BadInput, match="10 cm .*obj.held_by.story.T_tool_object"):
+        sim.Handover(story.planner, targets, story.executor)
+
+
 def test_who_is_driven_off_while_the_fingers_close_fetches_anew(maps, monkeypatch):
     story, human = story_of(maps)
     story.machine = Machine(TABLES["give"], FETCH)  # as with a T_base_place
