@@ -16,12 +16,16 @@ What is kept on disk has numba's own form and is loaded by numba alone; processe
 turns to write it (`cache_lock.py`).
 """
 
-from itertools import islice
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import version_info
+from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
@@ -33,14 +37,29 @@ from roadmap.lowering import keep_values, reach_elements_directly
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 from roadmap.wrapper import use_small_wrappers
 
-# A callee of more instructions is not written into its caller: LLVM gives up at about
-# 55 that cost it something, and few of the others cost nothing.
-MOST_INSTRUCTIONS = 300
+# A callee that costs more is not written into its caller: LLVM gives up at 225, less
+# what a call itself costs and what is known there; of those above nearly none was.
+MOST_COST = 600
+_STEP = re.compile(r"^  (?! )(?:\S+ = )?(?:tail )?(\w+)(.*)", re.MULTILINE)
+_FREE = frozenset(
+    "alloca bitcast extractvalue getelementptr insertvalue phi ret unreachable".split()
+)
 # Numba before drives LLVM in another way; of those after, nobody has looked.
 KNOWN = (0, 62) <= version_info.short <= (0, 68)
 
 
 save_in_turn()
+
+
+@contextmanager
+def _untold() -> Iterator[None]:
+    """Tell nobody when LLVM and each pass begin and end: a tenth of a small loop."""
+    kept = event.start_event, event.end_event
+    event.start_event = event.end_event = lambda *given, **more: None
+    try:
+        yield
+    finally:
+        event.start_event, event.end_event = kept
 
 
 class LoopCompiler(CompilerBase):
@@ -56,7 +75,7 @@ class LoopCompiler(CompilerBase):
 
     def compile_extra(self, func: object) -> object:
         """Compile a function; Ctrl-C waits until that is done."""
-        with undisturbed():
+        with undisturbed(), _untold():
             return super().compile_extra(func)
 
     def define_pipelines(self) -> list:
@@ -246,11 +265,14 @@ def _declared(module: llvm.ModuleRef) -> set[str]:
 
 
 _known: dict[str, bool] = {}  # whether a function is large; a body has one name
+_known_in: WeakKeyDictionary[JITCodeLibrary, dict[str, bool]] = WeakKeyDictionary()
 
 
 def _large(library: JITCodeLibrary) -> dict[str, bool]:
     """Return of every function in a library whether LLVM leaves it on its own."""
-    return _large_in(library._get_module_for_linking())
+    if library not in _known_in:
+        _known_in[library] = _large_in(library._get_module_for_linking())
+    return _known_in[library]
 
 
 def _large_in(module: llvm.ModuleRef) -> dict[str, bool]:
@@ -268,8 +290,13 @@ def _is_large(function: llvm.ValueRef) -> bool:
     """Return True if LLVM will not write a function into what calls it."""
     if any(b"alwaysinline" in a for a in function.attributes):
         return False
-    instructions = (i for block in function.blocks for i in block.instructions)
-    return next(islice(instructions, MOST_INSTRUCTIONS, None), None) is not None
+    cost = 0
+    for code, rest in _STEP.findall(str(function)):
+        if code == "call" and "@llvm." not in rest:
+            cost += 25 + 5 * rest.count(",")
+        elif code not in _FREE:
+            cost += 5
+    return cost > MOST_COST
 
 
 def _pass_over(module: llvm.ModuleRef, name: str) -> None:

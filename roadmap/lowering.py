@@ -17,11 +17,14 @@ table, or where it was put together, and nobody writes there while it is used.
 """
 
 import operator
+from functools import partial, reduce
+from itertools import chain
 from typing import Any
 
 from llvmlite import ir
+from llvmlite.ir import instructions
 from numba import types
-from numba.core import cgutils
+from numba.core import callconv, cgutils
 from numba.core import ir as numba_ir
 from numba.core.analysis import (
     compute_cfg_from_blocks,
@@ -29,12 +32,13 @@ from numba.core.analysis import (
     must_use_alloca,
 )
 from numba.core.base import BaseContext
-from numba.core.callconv import CPUCallConv, excinfo_t
+from numba.core.callconv import CPUCallConv, TryStatus, excinfo_t
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.cpu import CPUContext
 from numba.core.datamodel import ArgPacker
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.lowering import Lower
+from numba.core.runtime.context import NRTContext
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing import Signature
 from numba.np import arrayobj
@@ -67,10 +71,7 @@ def array_value(
     shape, strides = fields.pop("shape"), fields.pop("strides")
     model = context.data_model_manager[typ]
     whole = model.get_value_type()
-    numbers = ir.Constant(ir.IntType(64), 1)
-    for length in shape:
-        numbers = builder.mul(numbers, length, flags=["nsw"])
-    fields["nitems"] = numbers
+    fields["nitems"] = reduce(partial(builder.mul, flags=["nsw"]), shape)
     value = ir.Constant(whole, None)
     for name, one in fields.items():
         value = builder.insert_value(value, one, model.get_field_position(name))
@@ -81,17 +82,62 @@ def array_value(
     return value
 
 
+def part(builder: ir.IRBuilder, value: ir.Value, *path: int) -> ir.Value:
+    """Return a member of a value, taken once, where the value is made.
+
+    Args:
+        builder: At the end of its block.
+        value: An array, a tuple or a structure.
+        path: Places in the value, in its member there, and so on.
+    """
+    while path:
+        at = tuple(getattr(value, "indices", ()))
+        if isinstance(value, instructions.ExtractValue):
+            value, path = value.operands[0], at + path
+        elif isinstance(value, instructions.InsertValue):
+            shared = min(len(at), len(path))
+            if path[:shared] != at[:shared]:
+                value = value.operands[0]
+            elif shared == len(at):
+                value, path = value.operands[1], path[shared:]
+            else:
+                break
+        else:
+            break
+    if not path:
+        return value
+    if not isinstance(value, ir.Instruction) or isinstance(value, ir.PhiInstr):
+        return builder.extract_value(value, path)
+    parts = vars(value).setdefault("parts", {})
+    if path not in parts:
+        here = ir.IRBuilder(value.parent)
+        here.position_after(value)
+        if isinstance(value, ir.LoadInstr) and _lies_at(value) is value.operands[0]:
+            place = cgutils.gep_inbounds(here, value.lies_at, 0, *path)
+            parts[path] = value_at(here, place)
+        else:
+            parts[path] = here.extract_value(value, path)
+        if builder.block is value.parent:
+            builder.position_at_end(builder.block)
+    return parts[path]
+
+
 class _Given:
     """The numbers of an array that is there by value; see numba's array structure."""
 
     def __init__(
         self, context: BaseContext, builder: ir.IRBuilder, typ: types.Array, value: Any
     ) -> None:
-        self._builder, self._value = builder, value
+        self._builder, self._value, self._rank = builder, value, typ.ndim
         self._at = context.data_model_manager[typ].get_field_position
 
     def __getattr__(self, name: str) -> ir.Value:
-        return self._builder.extract_value(self._value, self._at(name))
+        return part(self._builder, self._value, self._at(name))
+
+    def row(self, name: str) -> list[ir.Value]:
+        """Return the numbers of `shape` or `strides`."""
+        at = self._at(name)
+        return [part(self._builder, self._value, at, k) for k in range(self._rank)]
 
 
 class _LoopContext(CPUContext):
@@ -108,7 +154,22 @@ class _LoopContext(CPUContext):
             array, index, value = sig.args
             if _rank(index) == array.ndim and isinstance(value, _NUMBERS):
                 return _Bound(_write, self, sig)
+        if key is range or key in _OF_RANGES and isinstance(sig.args[0], _RANGES):
+            return _Bound(_OF_RANGES[key], self, sig)
         return super().get_function(fn, sig, _firstcall)
+
+    def pair_first(self, builder: ir.IRBuilder, val: ir.Value, ty: types.Type) -> Any:
+        """Return the first of two."""
+        return part(builder, val, 0)
+
+    def pair_second(self, builder: ir.IRBuilder, val: ir.Value, ty: types.Type) -> Any:
+        """Return the second of two."""
+        return part(builder, val, 1)
+
+    @property
+    def nrt(self) -> NRTContext:
+        """How references are counted."""
+        return _Counts(self, self.enable_nrt)
 
     def get_getattr(self, typ: types.Type, attr: str) -> Any:
         """Return what makes the code that reads an attribute."""
@@ -142,6 +203,27 @@ class _LoopContext(CPUContext):
         return _alignments[key]
 
 
+class _Status:
+    """What came of a call; what is asked for of it is worked out there."""
+
+    _tests = {
+        "is_python_exc": ("==", callconv.RETCODE_EXC),
+        "is_stop_iteration": ("==", callconv.RETCODE_STOPIT),
+        "is_user_exc": (">=", callconv.RETCODE_USEREXC),
+        "is_none": ("==", callconv.RETCODE_NONE),
+    }
+
+    def __init__(self, builder: ir.IRBuilder, code: ir.Value, error: ir.Value) -> None:
+        self._builder, self.code, self.excinfoptr = builder, code, error
+        plain = builder.icmp_signed("==", code, callconv.RETCODE_OK)
+        self.is_ok = builder.or_(plain, self.is_none)
+        self.is_error = builder.not_(self.is_ok)
+
+    def __getattr__(self, name: str) -> ir.Value:
+        test, code = self._tests[name]
+        return self._builder.icmp_signed(test, self.code, code)
+
+
 class _CallConv(CPUCallConv):
     """Numba's own, but for groups that are returned: they lie where they were put."""
 
@@ -155,14 +237,36 @@ class _CallConv(CPUCallConv):
         attrs: Any = None,
     ) -> tuple:
         """Call a loop; return what came of it, and its result."""
-        if not _lies_as_it_is(self.context, resty):
-            return super().call_function(builder, callee, resty, argtys, args, attrs)
         place = cgutils.alloca_once(builder, self.get_return_type(resty).pointee)
         exc = cgutils.alloca_once(builder, ir.PointerType(excinfo_t))
         given = self._get_arg_packer(argtys).as_arguments(builder, args)
         code = builder.call(callee, [place, exc, *given], attrs=attrs or ())
-        status = self._get_return_status(builder, code, builder.load(exc))
-        return status, value_at(builder, place)
+        status = _Status(builder, code, builder.load(exc))
+        if _lies_as_it_is(self.context, resty):
+            return status, value_at(builder, place)
+        value = builder.load(place)
+        return status, self.context.get_returned_value(builder, resty, value)
+
+    def set_try_status(self, builder: ir.IRBuilder) -> None:
+        """Note that a part of the loop is tried."""
+        builder.function.tries = True
+        super().set_try_status(builder)
+
+    def check_try_status(self, builder: ir.IRBuilder) -> TryStatus:
+        """Return whether an error would be caught here: in few loops any is."""
+        if hasattr(builder.function, "tries"):
+            return super().check_try_status(builder)
+        error = builder.load(self._get_excinfo_argument(builder.function))
+        return TryStatus(in_try=cgutils.false_bit, excinfo=error)
+
+    def return_status_propagate(self, builder: ir.IRBuilder, status: Any) -> None:
+        """Return with the error of a call."""
+        if hasattr(builder.function, "tries"):
+            super().return_status_propagate(builder, status)
+            return
+        error = self._get_excinfo_argument(builder.function)
+        builder.store(status.excinfoptr, error)
+        self._return_errcode_raw(builder, status.code)
 
 
 class _Packer(ArgPacker):
@@ -200,9 +304,13 @@ def value_at(builder: ir.IRBuilder, place: ir.Value) -> ir.Value:
     return value
 
 
+def _lies_at(value: ir.Value) -> ir.Value | None:
+    return getattr(value, "lies_at", None)
+
+
 def _place_of(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     """Return where a value lies; it is written there as soon as it is known."""
-    place = getattr(value, "lies_at", None)
+    place = _lies_at(value)
     if place is None:
         place = cgutils.alloca_once(builder, value.type)
         here = builder
@@ -272,13 +380,28 @@ def _place(
     """Return the array, where its element or part begins, and that part's extent."""
     typ, index = sig.args[:2]
     array = _Given(context, builder, typ, args[0])
-    kinds, numbers = (index,), (args[1],)
+    kinds, numbers = (index,), [args[1]]
     if isinstance(index, types.BaseTuple):
-        kinds, numbers = tuple(index), cgutils.unpack_tuple(builder, args[1])
-    checked = context.enable_boundscheck
-    return array, *arrayobj.basic_indexing(
-        context, builder, typ, array, kinds, numbers, boundscheck=checked
-    )
+        kinds = tuple(index)
+        numbers = [part(builder, args[1], k) for k in range(len(kinds))]
+    if typ.layout != "C" or context.enable_boundscheck:
+        return array, *arrayobj.basic_indexing(
+            context, builder, typ, array, kinds, numbers,
+            boundscheck=context.enable_boundscheck,
+        )  # fmt: skip
+    shape = array.row("shape")
+    offset = None
+    for axis, (kind, number) in enumerate(zip(kinds, numbers, strict=True)):
+        if not isinstance(number, ir.Constant) or number.constant < 0:
+            number = arrayobj.fix_integer_index(
+                context, builder, kind, number, shape[axis]
+            )
+        if axis + 1 < typ.ndim:
+            number = builder.mul(number, reduce(builder.mul, shape[axis + 1 :]))
+        offset = number if offset is None else builder.add(offset, number)
+    n = len(kinds)
+    place = builder.gep(array.data, [offset])
+    return array, place, shape[n:], array.row("strides")[n:]
 
 
 def _read(
@@ -314,15 +437,85 @@ def _member(
     context: BaseContext, builder: ir.IRBuilder, typ: Any, value: Any, attr: str
 ) -> ir.Value:
     k = typ.fields.index(attr)
-    member = builder.extract_value(value, k)
-    place = getattr(value, "lies_at", None)
-    if place is not None and _is_group(typ[k]):
-        member.lies_at = cgutils.gep_inbounds(builder, place, 0, k)
+    member = part(builder, value, k)
     return impl_ret_borrowed(context, builder, typ[k], member)
+
+
+def _structure(context: BaseContext, builder: Any, kind: Any, *members: Any) -> Any:
+    value = ir.Constant(context.get_value_type(kind), ir.Undefined)
+    for k, one in enumerate(members):
+        value = builder.insert_value(value, one, k)
+    return value
+
+
+def _range(
+    context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: tuple
+) -> ir.Value:
+    whole = args[0].type
+    first, last, *step = args if len(args) > 1 else (whole(0), *args)
+    kind = sig.return_type
+    return _structure(context, builder, kind, first, last, *step or [whole(1)])
+
+
+def _begin_range(
+    context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: tuple
+) -> ir.Value:
+    """Return where a range is: the next number, and how many are left."""
+    first, last, step = (part(builder, args[0], k) for k in range(3))
+    if not (isinstance(step, ir.Constant) and step.constant == 1):
+        plain = super(_LoopContext, context).get_function("getiter", sig)
+        return plain(builder, args)
+    number, left = (cgutils.alloca_once(builder, first.type) for _ in range(2))
+    builder.store(first, number)
+    length = builder.sub(last, first)
+    some = builder.icmp_signed(">", length, length.type(0))
+    builder.store(builder.select(some, length, length.type(0)), left)
+    return _structure(context, builder, sig.return_type, number, last, step, left)
+
+
+def _next_of_range(
+    context: BaseContext, builder: ir.IRBuilder, sig: Signature, args: tuple
+) -> ir.Value:
+    """Return the next number, and whether there is one."""
+    at, step, count = (part(builder, args[0], k) for k in (0, 2, 3))
+    number, left = builder.load(at), builder.load(count)
+    some = builder.icmp_signed(">", left, left.type(0))
+    builder.store(builder.add(number, step), at)
+    builder.store(builder.sub(left, left.type(1)), count)
+    return _structure(context, builder, sig.return_type, number, some)
+
+
+_RANGES = (types.RangeType, types.RangeIteratorType)
+_OF_RANGES = {range: _range, "getiter": _begin_range, "iternext": _next_of_range}
+
+
+class _Counts(NRTContext):
+    """Numba's own, but for arrays in tuples: what is counted is taken at once."""
+
+    def get_meminfos(
+        self, builder: ir.IRBuilder, ty: types.Type, val: ir.Value, *path: int
+    ) -> list:
+        """Return the arrays of a value, and where their references are counted."""
+        if isinstance(ty, types.BaseTuple):
+            each = (
+                self.get_meminfos(builder, kind, val, *path, k)
+                for k, kind in enumerate(ty)
+            )
+            return list(chain.from_iterable(each))
+        if type(ty) is types.Array:
+            return [(ty, part(builder, val, *path, 0))]
+        if isinstance(ty, _NUMBERS):
+            return []
+        return super().get_meminfos(builder, ty, part(builder, val, *path))
 
 
 class _Lower(Lower):
     """Numba's own, but for variables that are assigned once."""
+
+    def delvar(self, name: str) -> None:
+        """Forget a variable, which is nothing where nothing is counted."""
+        if self.context.enable_nrt:
+            super().delvar(name)
 
     def _find_singly_assigned_variable(self) -> None:
         """Find variables that are values: assigned once, before every use."""

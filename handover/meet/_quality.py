@@ -180,7 +180,7 @@ def _square_between(offset, r, s, rr, ss):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(**BARE_INNER)
+@njit(**WITHIN_INNER)
 def effort_cost(state, axes):
     """Return the sum of the seven gravity torques, each without its sign.
 

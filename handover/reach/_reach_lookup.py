@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_build import ROOT, cell_of, origin_cell
-from roadmap.jit_options import BARE, BARE_INNER
+from roadmap.jit_options import BARE, BARE_INNER, WITHIN
 
 
 class Packed(NamedTuple):
@@ -45,7 +45,7 @@ def ones(word):
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(**BARE)
+@njit(**WITHIN)
 def entry_of(packed, n_rotations, cell):
     """Return the entry of a cell, -1 where it is not reached or cell is -1."""
     if cell < 0:

@@ -56,7 +56,7 @@ def _defined(module):
 @pytest.fixture
 def small(monkeypatch):
     """Loops where the middle one is too large to be written into its caller."""
-    monkeypatch.setattr(linking, "MOST_INSTRUCTIONS", 12)
+    monkeypatch.setattr(linking, "MOST_COST", 60)
     loops = _loops(_FROM_PYTHON, _FROM_LOOPS)
     loops[-1](np.ones(3), 2)
     return loops
@@ -101,7 +101,7 @@ from numba import njit
 from roadmap import linking
 from roadmap.jit_options import INNER, LEAN
 
-linking.MOST_INSTRUCTIONS = 12
+linking.MOST_COST = 60
 
 @njit(**INNER)
 def leaf(a, k):
@@ -195,7 +195,7 @@ def arrays_are_counted():
 @pytest.mark.parametrize("raises", [False, True])
 def test_a_loop_that_counts_references_gives_back_every_array(raises, monkeypatch):
     """What is not pruned is counted; by a caller of ours as by numba's own."""
-    monkeypatch.setattr(linking, "MOST_INSTRUCTIONS", 12)
+    monkeypatch.setattr(linking, "MOST_COST", 60)
     counted = _FROM_PYTHON | {"_nrt": True}
 
     @njit(**(counted | {"no_cpython_wrapper": True}))

@@ -209,3 +209,69 @@ def test_a_loop_is_handed_the_address_of_a_group():
     text = next(iter(loop.inspect_llvm().values()))
     head = next(line for line in text.splitlines() if line.startswith("define"))
     assert head.count(",") < 6  # of some thirty numbers
+
+
+def _counted(first, last, step, seen):
+    n = 0
+    for i in range(last):
+        seen[n] += i
+        n += 1
+    for i in range(first, last):
+        if i == 7:
+            break
+        for k in range(np.int32(i)):
+            seen[n] += k + 1
+        n += 1
+    for i in range(first, last, step):
+        seen[n] += i
+        n += 1
+    return n
+
+
+@pytest.mark.parametrize("said", [LEAN, FULL])
+@pytest.mark.parametrize("step", [1, 2, -2, -1])
+def test_ranges_count_as_pythons_do(said, step):
+    loop = njit(**said | FRESH)(_counted)
+    for first, last in ((0, 5), (5, 0), (-3, 3), (3, 3), (0, 9), (6, -2)):
+        seen, same = np.zeros((2, 60), int)
+        assert loop(first, last, step, seen) == _counted(first, last, step, same)
+        assert np.array_equal(seen, same)
+
+
+def _tried(a, k, raises):
+    try:
+        found = raises(a, k)
+    except Exception:
+        found = -1.0
+    return found
+
+
+def _ratio(a, k):
+    return a[k] / a[0]
+
+
+@pytest.mark.parametrize("said", [LEAN, FULL])
+def test_an_error_is_caught_where_a_loop_tries(said):
+    inner = njit(**said | FRESH)(_ratio)
+    loop = njit(**said | FRESH)(_tried)
+    assert loop(np.array([0.0, 1.0]), 1, inner) == -1.0
+    assert loop(np.array([2.0, 1.0]), 1, inner) == 0.5
+
+
+def _member(numbers, k):
+    kept = numbers.first
+    for _ in range(k):
+        kept = Group(kept.b.copy(), kept.a)
+    return kept.a if k else numbers.c
+
+
+def test_arrays_of_groups_are_counted_one_by_one():
+    loop, nest = njit(**FULL | FRESH)(_member), _nest()
+    on = _nrt_python.memsys_stats_enabled()
+    _nrt_python.memsys_enable_stats()
+    for k in (0, 1, 2, 0, 3):
+        assert np.array_equal(loop(nest, k), _member(nest, k))
+    left = rtsys.get_allocation_stats()
+    assert left.alloc == left.free and left.mi_alloc == left.mi_free
+    if not on:
+        _nrt_python.memsys_disable_stats()
