@@ -56,6 +56,8 @@ class TightEnds:
         dof = frame.robot.dof
         self._begin = np.full(dof, np.nan)  # the place beside the start, if any
         self._goals = np.zeros((0, dof))  # those that were asked for
+        # goals of the next frame, of which the last answer's reason knows nothing yet
+        self._beside = np.zeros((0, dof))
         self.is_on, self.used, self.held_in = False, True, -1
         # the climb beside an end: which one of what was asked, and how far it has come
         self._asked, self._end, self._tried = b"", 0, 0
@@ -71,7 +73,7 @@ class TightEnds:
         if self.is_on and goals_stay:
             self._place(self._goals)
         self._begin[:] = np.nan
-        self._asked = b""
+        self._asked, self._beside = b"", self._beside[:0]
         self.is_on = self.decision.is_tight = False
 
     def look(self, budget: int) -> bool:
@@ -112,9 +114,8 @@ class TightEnds:
 
     def _use(self, goals: np.ndarray) -> bool:
         """Let the search end at these goals from the next frame on."""
-        self._goals, self._asked = self.attacher.goals, b""
+        self._goals, self._beside, self._asked = self.attacher.goals, goals, b""
         self.is_on = self.decision.is_tight = True
-        self._place(goals)
         return True
 
     def begin(self, q: np.ndarray) -> np.ndarray | None:
@@ -124,6 +125,8 @@ class TightEnds:
         goals.
         """
         asked, placed = self._goals, self.attacher.goals.copy()
+        if len(self._beside):
+            placed, self._beside = self._beside, self._beside[:0]
         for g in np.flatnonzero((asked != placed).any(axis=1)).tolist():
             usual = self._spare(asked[g]) > self.settings.spare
             if usual or not self._passes(placed[g], asked[g]):
@@ -245,6 +248,7 @@ class TightEnds:
             "asked": np.frombuffer(self._asked, np.uint8),
             "places": np.stack([self._begin, self._at]),
             "goals": self._goals.copy(),
+            "beside": self._beside.copy(),
         }
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
@@ -255,4 +259,4 @@ class TightEnds:
         self.is_on = self.decision.is_tight = bool(is_on)
         self._step, self._asked = float(saved["step"]), saved["asked"].tobytes()
         self._begin[:], self._at[:] = saved["places"]
-        self._goals = saved["goals"].copy()
+        self._goals, self._beside = saved["goals"].copy(), saved["beside"].copy()

@@ -116,6 +116,22 @@ def test_who_comes_nearer_to_a_tight_goal_keeps_the_robot_out(robot, rng):
     assert blocked > 3
 
 
+def test_a_hold_is_explained_by_the_goal_that_was_asked_for(robot, rng):
+    planner, _ = robot
+    told = 0
+    for q, shape in tight(planner, ExactRobot(planner.robot), rng, "shape"):
+        reasons = []
+        for budget in (0, 8):
+            planner.reset()
+            planner.set_goals([q])
+            answer = tell(planner, shape, "shape", np.zeros(2))
+            for _ in range(20):
+                told += answer.status == "holding" and planner.improve(budget)
+            reasons.append(answer.reason)
+        assert reasons[0] == reasons[1]
+    assert told > 3
+
+
 def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
     planner, exact = robot
     other = odm.ReactivePlanner(planner.cell_map)
