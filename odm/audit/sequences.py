@@ -10,7 +10,7 @@ stale, broken or huge. After each frame every leg of the answer is judged by
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,10 +77,11 @@ class Sequence:
         self.rng = np.random.default_rng(seed)
         self.judge, self.tamper = judge, tamper
         kept = int(self.rng.integers(0, 3))
+        many = PlannerSettings(point_capacity=4096, cached_goals=kept)
         self.planner = ReactivePlanner(
             cell_map,
             always_replan=bool(self.rng.random() < 0.15),
-            settings=PlannerSettings(point_capacity=4096, cached_goals=kept),
+            settings=replace(many, tight_ends=kept == 1),
         )
         judge.begin()
         self.world = World()

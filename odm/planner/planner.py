@@ -351,8 +351,8 @@ class ReactivePlanner:
     def use_tight_ends(self, used: bool) -> None:
         """Let the links decide about ends that the cover refuses, from now on, or not.
 
-        As `PlannerSettings.tight_ends` says at first. An `Executor` does without: it
-        tests stops by the cover, and would get stuck there.
+        As `PlannerSettings.tight_ends` says at first. Not with an `Executor`: it tests
+        stops by the cover, and would get stuck there.
         """
         self._memory.owner.check()
         self._tight.used = bool(used)

@@ -53,8 +53,8 @@ class PlannerSettings(CheckedSettings):
             robot's base along an axis, their unit is wrong: the frame holds [m].
         tight_ends: Where a frame holds since the cover refuses start or goals,
             `improve` lets the links' own hulls decide about them and about the short
-            motion from or to there; the next frames use it (`Answer.by_links`), each of
-            which takes 1 ms more for each such motion, or several.
+            motion from or to there; the next frames use it (`Answer.by_links`), and
+            take a millisecond or several. For clutter that stands, not beside people.
     """
 
     goal_connections: int = setting(18, 1, MAX_ATTACHMENTS)
@@ -73,7 +73,7 @@ class PlannerSettings(CheckedSettings):
     cached_goals: int = setting(0, 0, 10_000)
     search: int = setting(1000, 0, 10_000_000)
     max_range_m: float = setting(MAX_RANGE_M, 0.1, 1e6, "m")
-    tight_ends: bool = True
+    tight_ends: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -181,7 +181,6 @@ class Loop:
             self._q = self.body.q
         self._centers = sphere_centers(robot, self._q)
         _optional(planner, "reset")
-        _optional(planner, "use_tight_ends", False)  # not beside somebody who moves
         planner.set_goals([self.places[1]])
 
     def frame(self) -> Frame:

@@ -69,8 +69,7 @@ def recorded_again(
 def planner_of(record: RunRecord, cell_map: CellMap) -> ReactivePlanner:
     """Return the planner of a recording: its settings, its hand, what stands around."""
     told = record.head["planner"]
-    # what earlier versions recorded had no such ends
-    settings = known(PlannerSettings, {"tight_ends": False} | told["settings"])
+    settings = known(PlannerSettings, told["settings"])
     planner = ReactivePlanner(cell_map, told["always_replan"], settings)
     if "payload" in record.arrays:
         planner.attach(record.arrays["payload"])

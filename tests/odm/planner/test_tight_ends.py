@@ -14,6 +14,7 @@ from odm.frame.link_test import LinkTest
 from odm.planner.saved_memory import differences
 from roadmap.kinematics.forward import sphere_centers
 
+TIGHT = odm.PlannerSettings(tight_ends=True)
 RADIUS = 0.01  # [m] no place of a cloud's surface is farther from a point
 
 
@@ -49,7 +50,8 @@ def tight(planner, exact, rng, how):
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
-    planner = plates(tmp_path_factory.mktemp("plates"))
+    cell_map = plates(tmp_path_factory.mktemp("plates")).cell_map
+    planner = odm.ReactivePlanner(cell_map, settings=TIGHT)
     return planner, ExactRobot(planner.robot)
 
 
@@ -134,7 +136,7 @@ def test_a_hold_is_explained_by_the_goal_that_was_asked_for(robot, rng):
 
 def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
     planner, exact = robot
-    other = odm.ReactivePlanner(planner.cell_map)
+    other = odm.ReactivePlanner(planner.cell_map, settings=TIGHT)
     q, shape = next(tight(planner, exact, rng, "shape"))
     goal = np.zeros(2)
     planner.reset()
