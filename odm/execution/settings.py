@@ -95,7 +95,7 @@ class PaceSettings(CheckedSettings):
     look_ahead_s: float = setting(0.02, 0.0, 10.0, "s")
     set_off_s: float = setting(0.05, 0.0, 10.0, "s")
     rests_s: float = setting(0.5, 0.0, 10.0, "s")
-    creeps: tuple[float, ...] = setting((0.5, 0.25), 1e-6, 1.0)
+    creeps: tuple[float, ...] = setting((0.5,), 1e-6, 1.0)
     hindered_s: float = setting(0.12, 0.0, 10.0, "s")
     keep_every: int = setting(3, 1, 10_000)
     again: float = setting(1.5, 1.0, 100.0)
