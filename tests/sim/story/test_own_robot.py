@@ -931,7 +931,7 @@ def test_who_pulls_at_what_weighs_more_than_that_still_holds_on(maps, turned, pu
         at = None if closed else T_object
         return sim.StoryFrame(now, human, wrench, opened, closed, at)
 
-    tell(story, 7.0, look)
+    tell(story, 9.0, look)
     assert story.holding is not bool(pull)
     assert story.outcome == (
         "the person holds on: it lets go" if pull else "handed over"
