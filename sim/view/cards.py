@@ -206,7 +206,8 @@ def roadmap_line(nodes: int, edges: int, blocked: int | None) -> str:
     """Return how large a roadmap is, and how many edges the person blocks, if known."""
     text = f"{nodes:,} nodes, {edges:,} edges"
     if blocked is not None:
-        text += f"; the person blocks <b>{blocked:,}</b> ({blocked / max(1, edges):.0%})"
+        share = blocked / max(1, edges)
+        text += f"; the person blocks <b>{blocked:,}</b> ({share:.0%})"
     return (
         f'<div style="{_FONT};font-size:13px;padding:0 14px;color:{INK}">{text}</div>'
     )
