@@ -30,7 +30,10 @@ def is_real(value: object) -> bool:
 
 def told(value: object) -> str:
     """Return a value as messages name it, the beginning of a long one."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of so many digits
+        return "a number of thousands of digits"
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 

@@ -134,8 +134,8 @@ class Handover:
             # what is in the hand already may lie in it: nobody has to close on that
             check_grasps(planner, hand.grasps, capsules, index.nodes)
         meet = self.targets.meet.settings
-        T = None if (meet.T_world_base == np.eye(4)).all() else meet.T_world_base
-        T_base_world = None if T is None else inverse_pose(T)
+        stands_there = (meet.T_world_base == np.eye(4)).all()
+        T_base_world = None if stands_there else inverse_pose(meet.T_world_base)
         self.sight = Sight(hand, conduct, meet.side, T_base_world)
         how = conduct, self._allowance
         args = self.view, hand, index, self._rest, *how, T_places
