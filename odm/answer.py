@@ -57,50 +57,91 @@ class Explanation(NamedTuple):
 NOT_HOLDING = Explanation()
 
 
+class Verdict(NamedTuple):
+    """What an answer says in words; frames that say the same share one.
+
+    Attributes are those of `Answer`, and `why` is asked when the reason or the retreat
+    is.
+    """
+
+    status: str
+    goal: int | None
+    certified: str
+    stage: str | None
+    held: str | None
+    why: Explains = NOT_HOLDING
+    by_links: tuple[int, ...] = ()
+
+
 @dataclass(slots=True, eq=False, repr=False)
 class Answer:
     """The answer to one frame; read-only by convention, cheap to make.
 
     Attributes:
-        status: "following", "replanned" or "holding".
         path: (k, dof) from the robot's configuration to the goal; empty on holding.
-        goal: Index of the goal the path leads to, None when holding.
-        certified: "whole surface" where the caller said that the points cover closed
-            shapes; else "visible surface": what was not sampled is unknown.
-        frame: Number of the frame, from 1 on; `step` counts every one that it takes.
-        stage: What found the path: "path in use" (it is still free), "straight",
-            "roadmap", or "search" beyond the roadmap; None when holding.
-        held: By what the object in the hand is kept clear: "payload layer", or "close
-            test" alone where the map has none (slower); None with nothing there.
-        by_links: Legs of the path, the first or the last, that the cover refuses and
-            the links' own hulls prove free; `is_free(..., by_links=True)` says so, too,
-            `blocked_leg` and `stands_clear` do not.
-        latency_s: Seconds by stage: "occupancy", "plan", "total".
-        work: Counted work: points, outside, occupied blocks, edge tests...
     """
 
-    status: str
     path: np.ndarray
-    goal: int | None
-    certified: str
-    _times: tuple[int, int]  # begin and end [ns]
+    _verdict: Verdict
+    _begun: int  # [ns]
+    _ended: int
     # `Stats` of `odm/search/_state.py` as bytes: what was counted is seldom looked at
     _counted: bytes
-    _why: Explains = NOT_HOLDING  # asked when the reason or the retreat is
-    stage: str | None = None
-    held: str | None = None
-    by_links: tuple[int, ...] = ()
+
+    @property
+    def status(self) -> str:
+        """What comes of the frame: "following", "replanned" or "holding"."""
+        return self._verdict.status
+
+    @property
+    def goal(self) -> int | None:
+        """Index of the goal the path leads to, None when holding."""
+        return self._verdict.goal
+
+    @property
+    def certified(self) -> str:
+        """What the answer holds for.
+
+        "whole surface" where the caller said that the points cover closed shapes; else
+        "visible surface": what was not sampled is unknown.
+        """
+        return self._verdict.certified
+
+    @property
+    def stage(self) -> str | None:
+        """What found the path; None when holding.
+
+        "path in use" (it is still free), "straight", "roadmap", or "search" beyond the
+        roadmap.
+        """
+        return self._verdict.stage
+
+    @property
+    def held(self) -> str | None:
+        """By what the object in the hand is kept clear; None with nothing there.
+
+        "payload layer", or "close test" alone where the map has none (slower).
+        """
+        return self._verdict.held
+
+    @property
+    def by_links(self) -> tuple[int, ...]:
+        """Legs that the cover refuses and the links' own hulls prove free.
+
+        The first or the last of the path; `is_free(..., by_links=True)` says so, too,
+        `blocked_leg` and `stands_clear` do not.
+        """
+        return self._verdict.by_links
 
     @property
     def frame(self) -> int:
-        """Number of the frame."""
+        """Number of the frame, from 1 on; `step` counts every one that it takes."""
         return self._counts()[6]
 
     @property
     def latency_s(self) -> dict[str, float]:
         """Seconds by stage: "occupancy", "plan", "total"."""
-        begun, ended = self._times
-        marked = self._counts()[7]
+        begun, ended, marked = self._begun, self._ended, self._counts()[7]
         return {
             "occupancy": 1e-9 * (marked - begun),
             "plan": 1e-9 * (ended - marked),
@@ -109,7 +150,7 @@ class Answer:
 
     @property
     def work(self) -> "Work":
-        """Counted work of the frame."""
+        """Counted work of the frame: points, occupied blocks, edge tests..."""
         popped, tests, flooded, close, runs = self._counts()[:5]
         blocks, inside, outside, bad = self._counts()[8:]
         n_points = inside + outside + bad
@@ -122,12 +163,13 @@ class Answer:
     @property
     def reason(self) -> str | None:
         """One sentence when holding: what blocks what, and what would help."""
-        return (self._why.explained[0] or None) if self.status == HOLDING else None
+        verdict = self._verdict
+        return (verdict.why.explained[0] or None) if self.status == HOLDING else None
 
     @property
     def blockers(self) -> Blockers:
         """Edges, cells, points and link behind the reason."""
-        return self._why.explained[1] if self.status == HOLDING else NOTHING
+        return self._verdict.why.explained[1] if self.status == HOLDING else NOTHING
 
     @property
     def retreat(self) -> np.ndarray | None:
@@ -136,7 +178,7 @@ class Answer:
         It leads away from the points, to be executed at reduced speed. Offered beside a
         path with legs `by_links`, too.
         """
-        return self._why.retreat
+        return self._verdict.why.retreat
 
     def __getstate__(self) -> tuple[None, dict]:
         """Return what copies and pickles hold: all that was told, not the planner.
@@ -144,10 +186,9 @@ class Answer:
         The reason and the retreat are asked for now, in the planner's own thread.
         """
         state = {name: getattr(self, name) for name in self.__slots__}
-        return None, {
-            **state,
-            "_why": Explanation(self._why.explained, self._why.retreat),
-        }
+        why = self._verdict.why
+        kept = Explanation(why.explained, why.retreat)
+        return None, {**state, "_verdict": self._verdict._replace(why=kept)}
 
     def __repr__(self) -> str:
         """Say the status and its core."""

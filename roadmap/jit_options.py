@@ -24,7 +24,11 @@ LEAN = {
     "pipeline_class": LoopCompiler,
 }
 
-# The same without a wrapper: called by other loops alone. Python must never call it.
+# The same for a call of microseconds, which keeps Python's lock: a thread that computes
+# would take the lock meanwhile, and keep it for 5 ms.
+BRIEF = LEAN | {"nogil": False}
+
+# As `LEAN` without a wrapper: called by other loops alone. Python must never call it.
 INNER = LEAN | {"no_cpython_wrapper": True}
 
 # As `LEAN` and `INNER`, and a division by zero gives infinity, as in C.

@@ -6,6 +6,7 @@ more on this wrapper than on the loop. Here one function of the wrapper takes an
 and writes where it lies into the group; the wrapper calls it for each.
 """
 
+from collections.abc import Callable
 from types import MethodType
 from typing import Any
 
@@ -31,6 +32,18 @@ _MEMBERS = (types.Number, types.Boolean, types.Array)
 def use_small_wrappers(context: BaseContext) -> None:
     """Let a context of one compilation make its wrappers here."""
     context.create_cpython_wrapper = MethodType(_create, context)
+
+
+def without_lookup(loop: Any, *given: object) -> Callable:  # noqa: ANN401
+    """Return what calls a loop's machine code for arguments of these very types.
+
+    Numba looks at the type of each argument in each call, which takes 0.1 us. Who calls
+    what is returned must see to it that the types stay the same, with the order of an
+    array's numbers and whether they may be written.
+    """
+    if not hasattr(loop, "compile"):  # as NUMBA_DISABLE_JIT has it
+        return loop
+    return loop.compile(tuple(map(loop.typeof_pyval, given)))
 
 
 def _create(

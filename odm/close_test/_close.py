@@ -21,6 +21,7 @@ from odm.obstacles._solids import (
     rod_of,
     solid_distance,
 )
+from roadmap._rows import in_line
 from roadmap.jit_options import BARE_INNER, INNER, LEAN, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
@@ -72,7 +73,7 @@ def list_near(cloud, x, y, z, reach):
 @njit(**BARE_INNER)
 def measure_boxes(boxes, n, place, away):
     """Write to `away` the squared distances of the first n boxes (m, 6); no branch."""
-    box, (x, y, z) = boxes.reshape(-1), place
+    box, (x, y, z) = in_line(boxes), place
     for k in range(np.uint64(n)):
         at = np.uint64(6) * k
         dx = max(0.0, max(box[at] - x, x - box[at + np.uint64(3)]))
@@ -84,7 +85,7 @@ def measure_boxes(boxes, n, place, away):
 @njit(**BARE_INNER)
 def any_within(xyz, begin, end, place, far2):
     """Return True if any of the points [begin:end] is nearer to a place; no branch."""
-    flat, (x, y, z) = xyz.reshape(-1), place
+    flat, (x, y, z) = in_line(xyz), place
     found = 0
     for p in range(np.uint64(begin), np.uint64(end)):
         k = np.uint64(3) * p
@@ -115,7 +116,7 @@ def any_beside(xyz, begin, end, chord, far2):
 
     Each distance is the one of `chord_distance2`, to the last bit.
     """
-    flat, ((ax, ay, az), (bx, by, bz)) = xyz.reshape(-1), chord
+    flat, ((ax, ay, az), (bx, by, bz)) = in_line(xyz), chord
     ux, uy, uz = bx - ax, by - ay, bz - az
     length2 = ux * ux + uy * uy + uz * uz
     found = 0

@@ -24,6 +24,7 @@ from odm.obstacles._solids import (
     segments_distance2,
     solid_distance,
 )
+from roadmap._rows import in_line
 from roadmap.jit_options import BARE_INNER, INNER
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly
@@ -150,7 +151,7 @@ def lines_from_rod(spheres, which, f, g, rod, gap):
         rod: (19,) row of the capsule.
         gap: (n,) where the distances go [m].
     """
-    flat = spheres.reshape(-1)
+    flat = in_line(spheres)
     rx, ry, rz, ux, uy, uz = rod[0], rod[1], rod[2], rod[3], rod[4], rod[5]
     radius, uu = rod[6], rod[7]
     f0, f1, f2, f3, f4, f5 = f[0], f[1], f[2], f[3], f[4], f[5]

@@ -13,6 +13,7 @@ from odm.obstacles._cloud import (
     cell_of,
 )
 from odm.obstacles._occupancy import BEYOND, clear, mark_cells, sort_points
+from roadmap._rows import in_line
 from roadmap.jit_options import INNER, LEAN
 
 FAR = 4e15  # in cells; what is not nearer is no number
@@ -26,7 +27,7 @@ def lay_out(points, cloud):
     finite; these are left out.
     """
     clear(cloud)
-    n, flat = points.shape[0], points.reshape(-1)
+    n, flat = points.shape[0], in_line(points)
     for first in range(0, n, CHUNK):
         last = min(first + CHUNK, n)
         where, steps = cloud.where[first:last], cloud.steps[: 3 * (last - first)]

@@ -5,6 +5,8 @@ that were seen last, what stands in the hand and around, and the distances that 
 """
 
 import math
+from collections.abc import Callable
+from functools import cache
 from threading import get_ident
 from typing import NamedTuple, NoReturn
 
@@ -38,6 +40,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
 from roadmap.transforms import moved_points
+from roadmap.wrapper import without_lookup
 
 
 class Cover(NamedTuple):
@@ -74,6 +77,7 @@ _LOADED = (  # nor how its meshes are sampled
     "the base or the clearance is another; show a frame"
 )
 _AS_THE_MAP = None, None  # how points are sampled where nothing is told
+_NOT_ASKED = step.NOT_ASKED  # which every frame compares with
 _NOTHING_AGAIN = object()  # no obstacles at all
 
 
@@ -82,6 +86,15 @@ def _too_many(n: int) -> str:
         f"the shapes of the frame take {n} samples, more than {MOST_SAMPLES}; give "
         "metres, or leave out what is far"
     )
+
+
+@cache
+def compiled_step_again(table: np.dtype) -> Callable[[np.ndarray, np.ndarray], int]:
+    """Return `step_again` for tables of this type and for what `Frame.asked` returns.
+
+    The type of a memory's table stays, and so does that of q.
+    """
+    return without_lookup(step.step_again, np.empty(0, table), np.empty(0))
 
 
 class Frame:
@@ -113,6 +126,7 @@ class Frame:
         classes: (n,) of these points, or None.
         again: The obstacles that `take_again` may take: the table points at their
             arrays, and nothing was told beside them.
+        step_again: The compiled call that does it; None before the first such frame.
         keep_from_points, keep_from_shapes: What is nearer to a sphere is too near [m].
         trouble: Why the last frame could not be used; None where it could.
     """
@@ -137,6 +151,7 @@ class Frame:
         self.rho, self.extra = cell_map.safety.rho, 0.0
         self.keep_from_points = self.keep_from_shapes = 0.0
         self.again: object = _NOTHING_AGAIN
+        self.step_again: Callable[[np.ndarray, np.ndarray], int] | None = None
         self.set_sampling(_AS_THE_MAP)
         self.base_world = np.eye(4)
         grid = cell_map.grid
@@ -301,8 +316,10 @@ class Frame:
             return None
         if q is not self._asked or self._copies_q or len(q) != self._dof:
             self.asked(q)
-        said = step.step_again(self.memory.table, self.q_taken)
-        if said != step.NOT_ASKED:
+        if self.step_again is None:
+            self.step_again = compiled_step_again(self.memory.table.dtype)
+        said = self.step_again(self.memory.table, self.q_taken)
+        if said != _NOT_ASKED:
             self.trouble = None
             return said
         room = self.points.base

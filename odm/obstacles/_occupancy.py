@@ -20,7 +20,7 @@ from odm.obstacles._cloud import (
     bits_of,
     cell_of,
 )
-from roadmap._rows import copy_row
+from roadmap._rows import copy_row, in_line
 from roadmap.jit_options import INNER, LEAN
 
 BEYOND = float(1 << 30)  # cells from a corner: farther than any grid reaches
@@ -61,7 +61,7 @@ def mark_more(given, points, begin, end, cloud):
     Where `given` (m, 3) has points they are copied to `points` first. All is done by
     chunks, each of which stays in the first cache.
     """
-    source, flat = given.reshape(-1), points.reshape(-1)
+    source, flat = in_line(given), in_line(points)
     bad = 0
     for first in range(begin, end, CHUNK):
         last = min(first + CHUNK, end)
@@ -388,7 +388,7 @@ def put_points(points, order, begin, end, xyz, box):
     The box is kept in registers: a number that is written to memory and read for the
     next point takes longer than all else here.
     """
-    given, put = points.reshape(-1), xyz.reshape(-1)
+    given, put = in_line(points), in_line(xyz)
     x0 = y0 = z0 = math.inf
     x1 = y1 = z1 = -math.inf
     for at in range(np.uint64(begin), np.uint64(end)):

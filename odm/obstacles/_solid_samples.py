@@ -15,6 +15,7 @@ from numba import njit
 from odm._groups import FRAME, array
 from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, MESH, solid_distance
 from odm.obstacles._surfaces import SHRINK, tube_frame, tube_step, walk_cap
+from roadmap._rows import in_line
 from roadmap.jit_options import INNER, LEAN
 
 # what can be wrong with a shape
@@ -27,6 +28,7 @@ LARGEST = 1000.0  # [m] a size beyond is in another unit
 POSED = 2.0  # key of what has no pattern
 WIDEST = 5.0  # [m] a radius beyond is in another unit, or a wall
 RIGID = 1e-5  # a rotation may be off by so much; it is made exact
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 class Patterns(NamedTuple):
@@ -40,6 +42,8 @@ class Patterns(NamedTuple):
     rows: np.ndarray = array("f8", "patterns 3", FRAME)  # two rings, and a cap
     rod: np.ndarray = array("f8", "6", FRAME)  # from 0 along an axis
     frame: np.ndarray = array("f8", "3 3", FRAME)  # its normals and axis
+    # of a rod: where its two rings are, but for how far along the axis
+    rings: np.ndarray = array("f8", "patterns 3", FRAME)
     # of a mesh: first and last face, first and last sample
     mesh: np.ndarray = array("i8", "shapes 4", FRAME)
     ball: np.ndarray = array("f8", "shapes 4", FRAME)  # around it, in its own frame
@@ -352,24 +356,31 @@ def write_rod(solids, k, patterns, center, reach, points, n):
     # what is in reach is no farther along the axis, and its samples hardly farther
     wide = math.sqrt(max(0.0, (reach + radius) ** 2 - rest))
     wide += patterns.step[k] + radius
-    rings = 1
+    gaps = 0
     if length > 0.0:
-        rings += max(1, int(math.ceil(length / patterns.step[k])))
-    gap = length / max(1, rings - 1)
-    low, high = 0, rings - 1
-    if gap > 0.0:
-        low = max(low, int(math.ceil(max(0.0, middle - wide) / gap)))
+        gaps = max(1, int(math.ceil(length / patterns.step[k])))
+    gap = length / max(1, gaps)
+    low, high = 0, gaps
+    # of a rod that is in reach as a whole, which most are, neither is asked
+    if middle > wide and gap > 0.0:
+        low = int(math.ceil((middle - wide) / gap))
+    if middle + wide < 1.001 * length:
         high = min(high, int(math.floor(max(0.0, middle + wide) / gap)))
-    # the groups cost more to hand on than a place: here are the arrays alone
-    rows, origin = patterns.rows, (ax, ay, az)
+    # the groups cost more to hand on than a place: here are the arrays alone, flat
+    rows, rings, flat = in_line(patterns.rows), patterns.rings, in_line(points)
+    rings, origin, room = in_line(rings), (ax, ay, az), points.shape[0]
+    write_places(rows, first, 2 * ring, (1.0, 0.0), origin, frame, rings, 0)
     for r in range(low, high + 1):
-        at = first + ring * (r % 2)
-        n = write_places(rows[at : at + ring], 1.0, gap * r, origin, frame, points, n)
-    cap_rows = rows[first + 2 * ring : first + 2 * ring + cap]
+        more = min(ring, room - n)
+        write_ring(rings, ring * (r % 2), more, gap * r, frame, flat, n)
+        n += ring
+    first += 2 * ring
     for end in range(2):
         z, sign = (0.0, -1.0) if end == 0 else (length, 1.0)
         if abs(z - middle) <= wide:
-            n = write_places(cap_rows, sign, z, origin, frame, points, n)
+            more = min(cap, room - n)
+            write_places(rows, first, more, (sign, z), origin, frame, flat, n)
+            n += cap
     return n
 
 
@@ -383,18 +394,36 @@ def axis_of(solids, k, patterns):
 
 
 @njit(**INNER)
-def write_places(rows, sign, height, origin, frame, points, n):
-    """Write places (k, 3) of a pattern, up or down from a height; return next row."""
+def write_places(rows, first, count, height, origin, frame, points, n):
+    """Write places of a pattern, up or down (sign) from a height, behind row n.
+
+    All arrays are flat, three numbers a place, and their indices unsigned: no index is
+    counted from the end. A `count` below 1 writes none.
+    """
+    sign, up = height
     ax, ay, az = origin
     ux, uy, uz = frame[0, 0], frame[0, 1], frame[0, 2]
     vx, vy, vz = frame[1, 0], frame[1, 1], frame[1, 2]
     tx, ty, tz = frame[2, 0], frame[2, 1], frame[2, 2]
-    for j in range(min(rows.shape[0], points.shape[0] - n)):
-        x, y, z = rows[j, 0], rows[j, 1], height + sign * rows[j, 2]
-        points[n + j, 0] = ax + x * ux + y * vx + z * tx
-        points[n + j, 1] = ay + x * uy + y * vy + z * ty
-        points[n + j, 2] = az + x * uz + y * vz + z * tz
-    return n + rows.shape[0]
+    k, i = np.uint64(3 * first), np.uint64(3 * n)
+    for _ in range(count):
+        x, y, z = rows[k], rows[k + ONE], up + sign * rows[k + TWO]
+        points[i] = ax + x * ux + y * vx + z * tx
+        points[i + ONE] = ay + x * uy + y * vy + z * ty
+        points[i + TWO] = az + x * uz + y * vz + z * tz
+        k, i = k + THREE, i + THREE
+
+
+@njit(**INNER)
+def write_ring(rings, first, count, height, frame, points, n):
+    """Write places of a ring, moved along the axis by a height, behind row n."""
+    x, y, z = height * frame[2, 0], height * frame[2, 1], height * frame[2, 2]
+    k, i = np.uint64(3 * first), np.uint64(3 * n)
+    for _ in range(count):
+        points[i] = rings[k] + x
+        points[i + ONE] = rings[k + ONE] + y
+        points[i + TWO] = rings[k + TWO] + z
+        k, i = k + THREE, i + THREE
 
 
 @njit(**INNER)

@@ -16,7 +16,6 @@ from odm.answer import (
     HOLDING,
     IN_USE,
     LAYER,
-    NOT_HOLDING,
     REPLANNED,
     ROADMAP,
     SEARCH,
@@ -24,8 +23,8 @@ from odm.answer import (
     VISIBLE,
     WHOLE,
     Answer,
-    Explains,
     Freedom,
+    Verdict,
 )
 from odm.approach.approach import Approacher
 from odm.approach.approach_answer import Approach
@@ -75,6 +74,7 @@ from roadmap.transforms import check_pose
 # what a frame's answer is packed with, which every frame takes apart
 _FOLLOWING, _PLANNED = codes.FOLLOWING, codes.PLANNED
 _SEGMENT, _COUNT, _GOAL = codes.SEGMENT, codes.COUNT, codes.GOAL
+_SAME = codes.SAME
 
 
 class ReactivePlanner:
@@ -113,6 +113,7 @@ class ReactivePlanner:
         watch = SensorWatch(s.max_age_s, s.max_range_m)
         frame = self.frame = Frame(cell_map, s.point_capacity, s.finger_pads, watch)
         self._memory, self._numbers = frame.memory, frame.memory.numbers
+        self._owner = frame.memory.owner
         self.carrier = Carrier(frame)
         self._last_phase = LastPhase(frame)
         self._path_test = PathTest(frame, self._last_phase)
@@ -148,9 +149,10 @@ class ReactivePlanner:
         self.always_replan = always_replan
         self._set_rules()
         self.last: Answer | None = None
-        # what `respond` said last; the rows, the goal and the stage that it stands for
-        self._said, self._ahead, self._goal = None, path.q[:0], -1
-        self._stage = IN_USE
+        # what `respond` said last, and whether of whole surfaces; the rows that it
+        # stands for, and the verdict where the path in use was followed, or was not
+        self._said, self._closed, self._ahead = None, False, path.q[:0]
+        self._goes_on = self._begins = Verdict(FOLLOWING, None, VISIBLE, None, None)
         self._nowhere = np.empty((0, self.robot.dof))
         attacher.forget_start()
         if s.extra_clearance:
@@ -463,7 +465,7 @@ class ReactivePlanner:
             points is frame.again
             and dq is labels is stamp is now is None
             and covering_radius is rounding is classes is None
-            and get_ident() == self._memory.owner.thread
+            and get_ident() == self._owner.thread
             and self.decision.begin()
         ):
             said = frame.take_again(points, q)
@@ -506,17 +508,18 @@ class ReactivePlanner:
         status, path, goal, legs = self._tight.whole(answer, q)
         self.path.followed = answer.status != HOLDING
         why, stage = self._reasons(None), answer.stage
-        return self._answer(status, path, goal, begun, closed, stage, why, legs)
+        surface = answer.certified
+        told = Verdict(status, goal, surface, stage, self.held_by, why, legs)
+        return self._answer(path, told, begun)
 
     def _say(self, said: int, begun: int, closed: bool) -> Answer:
         """Answer with the rest of the path in use, which was found free."""
-        if said != self._said:  # mostly it is what the frame before said
-            self._unpack(said)
-        path, stage = self.path, self._stage
-        goes_on = stage is IN_USE or (path.followed and path.is_same)
-        path.followed, corners = True, self._ahead.copy()
-        status = FOLLOWING if goes_on else REPLANNED
-        return self._answer(status, corners, self._goal, begun, closed, stage)
+        if said != self._said or closed != self._closed:
+            self._unpack(said, closed)  # mostly it is what the frame before said
+        path = self.path
+        told = self._goes_on if path.followed else self._begins
+        path.followed = True
+        return self._answer(self._ahead.copy(), told, begun)
 
     def see(
         self,
@@ -555,12 +558,15 @@ class ReactivePlanner:
             self.decision.see(q, now)
         return frame.trouble
 
-    def _unpack(self, said: int) -> None:
+    def _unpack(self, said: int, closed: bool) -> None:
         """Take apart what `respond` said: a code, the corners ahead, and the goal."""
         begin, end = said % _COUNT // _SEGMENT, said % _GOAL // _COUNT
         self._said, self._ahead = said, self._memory.ahead.q[: end - begin]
-        self._stage = stage_of(said % _SEGMENT, self._ahead)
-        self._goal = said // _GOAL - 1
+        self._closed, stage = closed, stage_of(said % _SEGMENT, self._ahead)
+        rest = said % _SAME // _GOAL - 1, _surface(closed), stage, self.held_by
+        in_use, same = stage is IN_USE, said >= _SAME
+        self._begins = Verdict(FOLLOWING if in_use else REPLANNED, *rest)
+        self._goes_on = Verdict(FOLLOWING if in_use or same else REPLANNED, *rest)
 
     def _beyond(
         self, q: np.ndarray, said: int, begun: int, closed: bool, now: float | None
@@ -597,14 +603,16 @@ class ReactivePlanner:
         corners[0] = q
         following = path.followed and path.is_same
         path.followed = True
-        status = FOLLOWING if following else REPLANNED
+        status, surface = FOLLOWING if following else REPLANNED, _surface(closed)
         stage = stage_of(code, corners)
-        return self._answer(status, corners, path.goal, begun, closed, stage)
+        told = Verdict(status, path.goal, surface, stage, self.held_by)
+        return self._answer(corners, told, begun)
 
     def _hold(self, begun: int, closed: bool, trouble: str | None) -> Answer:
         self.path.followed = False
-        why = self._reasons(trouble)
-        return self._answer(HOLDING, self._nowhere, None, begun, closed, None, why)
+        why, surface = self._reasons(trouble), _surface(closed)
+        told = Verdict(HOLDING, None, surface, None, self.held_by, why)
+        return self._answer(self._nowhere, told, begun)
 
     def _reasons(self, trouble: str | None) -> Reasons:
         state = trouble, self.connector.progress, self._frames_to_wait
@@ -613,30 +621,9 @@ class ReactivePlanner:
     def _frames_to_wait(self) -> int:
         return self.decision.frames_to_wait(self.connector.frames_to_persist)
 
-    def _answer(
-        self,
-        status: str,
-        path: np.ndarray,
-        goal: int | None,
-        begun: int,
-        closed: bool,
-        stage: str | None,
-        why: Explains = NOT_HOLDING,
-        by_links: tuple[int, ...] = (),
-    ) -> Answer:
-        held = None if self.frame.thing is None else self.held_by
-        answer = self.last = Answer(
-            status,
-            path,
-            goal,
-            WHOLE if closed else VISIBLE,
-            (begun, perf_counter_ns()),
-            self._memory.counted.tobytes(),
-            why,
-            stage,
-            held,
-            by_links,
-        )
+    def _answer(self, path: np.ndarray, told: Verdict, begun: int) -> Answer:
+        counted = self._memory.counted.tobytes()
+        answer = self.last = Answer(path, told, begun, perf_counter_ns(), counted)
         return answer
 
     def improve(self, budget: int = 4, ahead: np.ndarray | None = None) -> int:
@@ -824,6 +811,7 @@ class ReactivePlanner:
 
     def _hand_changed(self) -> None:
         """Throw away what was planned and found with another hand."""
+        self._said = None  # by what the hand is kept clear is part of what is told
         self.candidates.forget_all()
         self.attacher.hand_changed()
         if self._approacher is not None:
@@ -1092,6 +1080,10 @@ def stage_of(code: int, path: np.ndarray) -> str:
     if code != _PLANNED:
         return SEARCH
     return STRAIGHT if len(path) == 2 else ROADMAP
+
+
+def _surface(closed: bool) -> str:
+    return WHOLE if closed else VISIBLE
 
 
 def _told_apart(cell_map: CellMap) -> bytes:

@@ -41,7 +41,7 @@ from odm.search._state import (
     view,
 )
 from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import BRIEF, INNER, LEAN
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -52,8 +52,9 @@ HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
 LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 DETOUR_WORTH_SEARCHING = 1.1  # times the straight distance
 BETTER_EVERY = 8  # frames between two looks for a better goal
-# an answer is code + SEGMENT * segment + COUNT * corners + GOAL * (goal + 1)
-SEGMENT, COUNT, GOAL = 16, 1 << 16, 1 << 28
+# an answer is code + SEGMENT * segment + COUNT * corners + GOAL * (goal + 1) + SAME,
+# the last where the path that was taken leads on as the one before did
+SEGMENT, COUNT, GOAL, SAME = 16, 1 << 16, 1 << 28, 1 << 40
 
 
 @njit(**INNER)
@@ -509,7 +510,7 @@ def packed(state, code):
         for k in range(segment + 1, path.count[0]):
             copy_row(path.q[k], ahead[k - segment])
     said = code + SEGMENT * numbers.segment[0] + COUNT * path.count[0]
-    return said + GOAL * (path.count[1] + 1)
+    return said + GOAL * (path.count[1] + 1) + SAME * numbers.same[0]
 
 
 @njit(**LEAN)
@@ -546,7 +547,7 @@ def respond(state, q, now):
     return packed(state, code)
 
 
-@njit(**LEAN)
+@njit(**BRIEF)
 def step_points(state, given, points, q):
     """Take a frame's points and answer it, in one call; see `begin_step`, `respond`.
 
@@ -557,7 +558,7 @@ def step_points(state, given, points, q):
     return respond(state, q, math.nan)
 
 
-@njit(**LEAN)
+@njit(**BRIEF)
 def step_shapes(state, given, data, counts, room, n_before, q):
     """Take a frame's points and shapes and answer it, in one call.
 
@@ -575,7 +576,7 @@ def step_shapes(state, given, data, counts, room, n_before, q):
     return respond(state, q, math.nan)
 
 
-@njit(**LEAN)
+@njit(**BRIEF)
 def step_again(state, q):
     """Take and answer a frame that comes by the very arrays of the last `step_shapes`.
 
