@@ -15,7 +15,7 @@ from odm.search._step import respond
 
 TOP = Path(__file__).parent.parent
 PACKAGES = ("roadmap", "odm", "handover", "sim")
-FROM_PYTHON = {"LEAN", "BARE", "WITHIN", "FULL"}
+FROM_PYTHON = {"BRIEF", "LEAN", "BARE", "WITHIN", "FULL"}
 FROM_LOOPS = {"INNER", "BARE_INNER", "WITHIN_INNER", "FULL_INNER"}
 
 Kernel = tuple[str, str]  # module and name

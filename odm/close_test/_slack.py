@@ -29,41 +29,39 @@ from roadmap.jit_options import BARE_INNER, INNER
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly
 LEAST = 1e-3  # [m] what has less to spare is tested anew
+ENOUGH = 4.0 * NEAR  # [m] than which no more is asked for
 FAR = 10.0  # [m] instead of what is to spare where there is no shape
 SPEED, BEND, WIDE = 0, 1, 2  # rows of what is known of the bodies on a motion
 
 
 @njit(**INNER)
-def piece_spare(arm, frames, bound, half, solids):
+def piece_spare(middle, bound, half, solids, near):
     """Return what all bodies have to spare from all shapes within `half` of a place.
 
     Or a bound below NEAR, where their balls alone do not tell.
 
     Args:
-        arm: The robot.
-        frames: (bodies, 12) of the configuration in the middle.
-        bound: (3, bodies) SPEED, BEND and WIDE of each body; WIDE is the radius of a
+        middle: (3, lanes) where their balls are in the middle [m].
+        bound: (3, lanes) SPEED, BEND and WIDE of each body; WIDE is the radius of a
             ball around what its spheres keep free [m], below 0: it has none.
         half: Share of the motion from the middle to either end.
         solids: The shapes.
+        near: (lanes,) scratch.
     """
     spare = FAR
-    for b in range(1, frames.shape[0]):
-        if bound[WIDE, b] < 0.0:
-            continue
-        f, ball = frames[b], arm.bound[b]
-        reach = bound[WIDE, b] + bound[SPEED, b] * half
-        x, y, z = place_of(f, ball)
-        for k in range(solids.count[0]):
-            d = solid_distance(solids, k, x, y, z, reach + spare) - reach
-            spare = d if not d >= spare else spare  # a NaN is not free
-        if not spare >= NEAR:
-            return spare
+    for k in range(solids.count[0]):
+        balls_from_solid((middle, middle), bound, (half, 0.0), solids, k, near)
+        for b in range(near.shape[0]):
+            if bound[WIDE, b] < 0.0:
+                continue
+            if not near[b] >= NEAR:  # a NaN is not free
+                return near[b]
+            spare = min(spare, near[b])
     return spare
 
 
 @njit(**INNER)
-def chord_spare(arm, lengths, ends, bound, dt, solids, first):
+def chord_spare(arm, lengths, ends, balls, bound, dt, solids, first):
     """Return what all spheres have to spare from all shapes along a part of a motion.
 
     A bound from below, exact to the sag; where it is below LEAST, any such number. And
@@ -71,19 +69,21 @@ def chord_spare(arm, lengths, ends, bound, dt, solids, first):
 
     Args:
         arm: The robot.
-        lengths: (n,) what the spheres keep from shapes [m], and (n,) scratch.
+        lengths: (n,) what the spheres keep from shapes [m], then scratch: (n,) and
+            (lanes,).
         ends: (bodies, 12) frames of the configuration at either end.
+        balls: (3, lanes) where the bodies' balls are at either end [m].
         bound: As of `piece_spare`.
         dt: The part's share of the motion.
         solids: The shapes.
         first: The sphere that had the least before, or -1: it is measured first, so
             that farther bodies are told by their balls.
     """
-    (bare, gap), (begin, end) = lengths, ends
+    (bare, gap, near), (begin, end) = lengths, ends
     spare, least = FAR, -1
     if first >= 0:
         b = arm.body[first]
-        sag = bound[BEND, b] * dt * dt / 8.0
+        sag = bound[BEND, b - 1] * dt * dt / 8.0
         a = place_of(begin[b], arm.spheres[first])
         c = place_of(end[b], arm.spheres[first])
         least = first
@@ -92,22 +92,17 @@ def chord_spare(arm, lengths, ends, bound, dt, solids, first):
             spare = d if not d >= spare else spare
         if not spare >= LEAST:
             return spare, least
-    for b in range(1, begin.shape[0]):
-        if bound[WIDE, b] < 0.0:
-            continue
-        f, g, ball = begin[b], end[b], arm.bound[b]
-        sag = bound[BEND, b] * dt * dt / 8.0
-        ax, ay, az = place_of(f, ball)
-        cx, cy, cz = place_of(g, ball)
-        half = 0.5 * math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2)
-        mx, my, mz = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
-        reach = bound[WIDE, b] + sag + half
-        for k in range(solids.count[0]):
-            d = solid_distance(solids, k, mx, my, mz, reach + spare) - reach
+    for k in range(solids.count[0]):
+        balls_from_solid(balls, bound, (0.0, dt * dt / 8.0), solids, k, near)
+        is_rod = solids.kind[k] == CAPSULE
+        for b in range(1, begin.shape[0]):
+            d = near[b - 1]
+            if bound[WIDE, b - 1] < 0.0:
+                continue
             if d >= min(spare, NEAR):
                 spare = min(spare, d)
                 continue
-            is_rod = solids.kind[k] == CAPSULE
+            f, g, sag = begin[b], end[b], bound[BEND, b - 1] * dt * dt / 8.0
             if is_rod:
                 lines_from_rod(arm.spheres, in_fours(arm, b), f, g, solids.rows[k], gap)
             for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
@@ -121,6 +116,54 @@ def chord_spare(arm, lengths, ends, bound, dt, solids, first):
             if not spare >= LEAST:
                 return spare, least
     return spare, least
+
+
+@njit(**INNER)
+def balls_from_solid(ends, bound, shares, solids, k, near):
+    """Write to `near` what balls around bodies have to spare from solid k at least [m].
+
+    Their centres go in straight lines. Of a mesh, ENOUGH is told of what has more.
+
+    Args:
+        ends: Twice (3, lanes), where the lines begin and end [m].
+        bound: As of `piece_spare`; where WIDE is below 0 the number says nothing.
+        shares: What counts of SPEED and of BEND: the balls are wider by that.
+        solids: The shapes.
+        k: Which one.
+        near: (lanes,) where it goes.
+    """
+    if solids.kind[k] == CAPSULE:
+        begin, end, known = in_line(ends[0]), in_line(ends[1]), in_line(bound)
+        balls_from_rod(begin, end, known, shares, solids.rows[k], near)
+        return
+    a, c = ends
+    for b in range(near.shape[0]):
+        ax, ay, az, cx, cy, cz = a[0, b], a[1, b], a[2, b], c[0, b], c[1, b], c[2, b]
+        half = 0.5 * math.sqrt((cx - ax) ** 2 + (cy - ay) ** 2 + (cz - az) ** 2)
+        reach = bound[WIDE, b] + half
+        reach += bound[SPEED, b] * shares[0] + bound[BEND, b] * shares[1]
+        x, y, z = 0.5 * (ax + cx), 0.5 * (ay + cy), 0.5 * (az + cz)
+        near[b] = solid_distance(solids, k, x, y, z, reach + ENOUGH) - reach
+
+
+@njit(**BARE_INNER)
+def balls_from_rod(begin, end, bound, shares, rod, near):
+    """As `balls_from_solid` of a capsule, with flat arrays, for four bodies at once."""
+    rx, ry, rz, ux, uy, uz = rod[0], rod[1], rod[2], rod[3], rod[4], rod[5]
+    radius, per = rod[6], 1.0 / rod[7] if rod[7] > 0.0 else 0.0
+    n = np.uint64(near.shape[0])
+    for b in range(n):
+        c = b + n
+        d = c + n
+        vx, vy, vz = end[b] - begin[b], end[c] - begin[c], end[d] - begin[d]
+        wx = begin[b] + 0.5 * vx - rx
+        wy = begin[c] + 0.5 * vy - ry
+        wz = begin[d] + 0.5 * vz - rz
+        t = min(1.0, max(0.0, (wx * ux + wy * uy + wz * uz) * per))
+        dx, dy, dz = wx - t * ux, wy - t * uy, wz - t * uz
+        reach = bound[d] + 0.5 * math.sqrt(vx * vx + vy * vy + vz * vz)
+        reach += bound[b] * shares[0] + bound[c] * shares[1]
+        near[b] = math.sqrt(dx * dx + dy * dy + dz * dz) - radius - reach
 
 
 @njit(**INNER)

@@ -13,7 +13,7 @@ forgets all (`Frame.set_sampling`, `Frame.hand_changed`).
 from numba import njit
 
 from odm.close_test._arm import Clearance
-from odm.close_test._close import motion_clear, prepare_motion, set_point
+from odm.close_test._close import motion_clear, place_of, prepare_motion, set_point
 from odm.close_test._slack import (
     BEND,
     LEAST,
@@ -119,12 +119,12 @@ def keep_motion(state, q, dq):
     for j in range(q.shape[0]):
         slacks.begin[k, j], slacks.end[k, j] = q[j], q[j] + dq[j]
     bend = 0.0
-    for b in range(slacks.bound.shape[2]):
-        slacks.bound[k, SPEED, b] = work.body_speed[b]
-        slacks.bound[k, BEND, b] = work.body_bend[b]
-        slacks.bound[k, WIDE, b] = arm.bound[b, 3] + work.body_bare[b]
-        if arm.body_ptr[b + 1] == arm.body_ptr[b]:
-            slacks.bound[k, WIDE, b] = -1.0
+    slacks.bound[k, WIDE] = -1.0
+    for b in range(1, work.body_speed.shape[0]):
+        slacks.bound[k, SPEED, b - 1] = work.body_speed[b]
+        slacks.bound[k, BEND, b - 1] = work.body_bend[b]
+        if arm.body_ptr[b + 1] > arm.body_ptr[b]:
+            slacks.bound[k, WIDE, b - 1] = arm.bound[b, 3] + work.body_bare[b]
         bend = max(bend, work.body_bend[b])
     n = 1
     while n < slacks.nearest.shape[1] and bend > 8.0 * SAG * n * n:
@@ -156,7 +156,11 @@ def placed(state, k, c):
     for j in range(a.shape[0]):
         slacks.delta[j] = slacks.end[k, j] - a[j]
     set_point(a, slacks.delta, share, work.point)
-    body_frames(arm.tree_i, arm.tree_f, work.point, slacks.frames[row])
+    frames, balls = slacks.frames[row], slacks.balls[row]
+    body_frames(arm.tree_i, arm.tree_f, work.point, frames)
+    for b in range(1, frames.shape[0]):
+        x, y, z = place_of(frames[b], arm.bound[b])
+        balls[0, b - 1], balls[1, b - 1], balls[2, b - 1] = x, y, z
     slacks.placed[row] = True
     work.found[3] += 1
     return row
@@ -217,22 +221,22 @@ def measure(state, k, c):
     n, known = slacks.chords[k], slacks.spare[k, c]
     size = n // PIECES
     if size >= 2 and c % size == 0 and (known == UNKNOWN or known >= 2.0 * NEAR):
-        middle = slacks.frames[placed(state, k, c + size // 2)]
-        spare = piece_spare(arm, middle, bound, 0.5 * size / n, solids)
+        middle = slacks.balls[placed(state, k, c + size // 2)]
+        spare = piece_spare(middle, bound, 0.5 * size / n, solids, slacks.near)
         if spare >= NEAR:
             for i in range(c, c + size):
                 slacks.nearest[k, i] = -1
                 keep_spare(state, k, i, spare)
             return size
-    lengths = view(state, "robot_state").bare, view(state, "work").gap
+    lengths = view(state, "robot_state").bare, view(state, "work").gap, slacks.near
     size, first = 1, slacks.nearest[k, c]
     if c % 2 == 0 and c + 2 <= n and known >= 1.5 * NEAR:
         size = 4 if c % 4 == 0 and c + 4 <= n and known >= 3.0 * NEAR else 2
     while True:
         at, to = placed(state, k, c), placed(state, k, c + size)
-        ends = slacks.frames[at], slacks.frames[to]
-        dt = size / n
-        spare, least = chord_spare(arm, lengths, ends, bound, dt, solids, first)
+        ends, dt = (slacks.frames[at], slacks.frames[to]), size / n
+        balls = slacks.balls[at], slacks.balls[to]
+        spare, least = chord_spare(arm, lengths, ends, balls, bound, dt, solids, first)
         if size == 1 or spare >= NEAR:
             break
         size //= 2

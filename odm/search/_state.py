@@ -389,8 +389,8 @@ class Slacks(NamedTuple):
     end: np.ndarray = array("f8", "slacks dof", GOAL)
     chords: np.ndarray = array("i8", "slacks", GOAL)  # equal parts; 0: no motion
     asked: np.ndarray = array("i8", "slacks", GOAL)  # frame that last asked for it
-    # of each body: SPEED, BEND [m] and WIDE [m]
-    bound: np.ndarray = array("f8", "slacks 3 bodies", GOAL)
+    # of each body but the base: SPEED, BEND [m] and WIDE [m]; lanes beyond have none
+    bound: np.ndarray = array("f8", "slacks 3 lanes", GOAL)
     # of a chord, and after all chords of the pieces that they make up: what it had to
     # spare [m], in which frame, and the place of its shapes
     spare: np.ndarray = array("f8", "slacks spares", GOAL)
@@ -400,6 +400,9 @@ class Slacks(NamedTuple):
     # of a motion's configurations between chords: frames of the bodies, if known
     frames: np.ndarray = array("f8", "places bodies 12", FRAME)
     placed: np.ndarray = array("b1", "places", FRAME)
+    # where the balls around the bodies are there [m], and what they have to spare
+    balls: np.ndarray = array("f8", "places 3 lanes", FRAME)
+    near: np.ndarray = array("f8", "lanes", FRAME)
     # shapes of a few frames: the frame, rows, kinds and number
     frame: np.ndarray = array("i8", "snapshots", GOAL, LOST)
     rows: np.ndarray = array("f8", "snapshots slack_shapes 19", GOAL)

@@ -127,6 +127,8 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     joins, goals = _SIZES["joins"], _SIZES["goals"]
     sizes = {**_SIZES, "n": n, "m": m, "dof": dof, "spheres": len(arm.spheres)}
     sizes["bodies"] = len(robot.tree_i)
+    # of the bodies but the base, which processors take by eight
+    sizes["lanes"] = -(-(sizes["bodies"] - 1) // 8) * 8
     sizes["places"] = sizes["slacks"] * (sizes["chords"] + 1)
     sizes["spares"] = sizes["chords"] + PIECES
     sizes["heap"] = 2 * m + joins + goals * (joins + 1)

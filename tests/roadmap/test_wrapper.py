@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
+from numba import njit, typeof
 
 from roadmap import linking, wrapper
 from roadmap.jit_options import FULL, LEAN
@@ -96,3 +96,15 @@ def test_a_wrapper_is_small(monkeypatch):
     assert wrapper._TAKE in str(
         next(iter(ours.overloads.values())).library.get_llvm_str()
     )
+
+
+def test_a_loop_is_called_without_a_look_at_types():
+    @njit(**LEAN | FRESH)
+    def first(numbers):
+        return numbers[0]
+
+    given = np.array([7]), np.array([0.5])
+    calls = [wrapper.without_lookup(first, one) for one in given]
+    assert [call(one) for call, one in zip(calls, given, strict=True)] == [7, 0.5]
+    assert first.signatures == [(typeof(one),) for one in given]
+    assert wrapper.without_lookup(first.py_func, given[0]) is first.py_func

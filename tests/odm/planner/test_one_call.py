@@ -13,7 +13,7 @@ from odm.search import _frame, _step
 POST = np.array([[0.75, 0.75, 0.0, 0.75, 0.75, 0.5, 0.05]])  # within the grid
 CALLS = {
     _frame: ("begin_step", "begin_shapes"),
-    _step: ("step_points", "step_shapes", "step_again", "respond"),
+    _step: ("step_points", "step_shapes", "respond"),
 }
 
 
@@ -45,6 +45,8 @@ def calls_of(planner, seen, **given):
         return lambda *args: (called.append(name), loop(*args))[1]
 
     loops = [(module, name) for module, names in CALLS.items() for name in names]
+    if planner.frame.step_again is not None:
+        loops.append((planner.frame, "step_again"))
     patches = [
         patch.object(module, name, told(name, getattr(module, name)))
         for module, name in loops

@@ -7,7 +7,7 @@ import pytest
 from small import AWAY, HOME, draw_arm, draw_valid
 
 import odm
-from odm.search import _step
+from odm.frame.frame import compiled_step_again
 from roadmap.arrays import lent
 from roadmap.errors import BadInput
 
@@ -164,12 +164,15 @@ def test_a_read_only_q_is_read_where_it_lies(standing):
     assert view.flags.carray
     assert view.__array_interface__["data"][0] == q.__array_interface__["data"][0]
     types = []
-    real = _step.step_again
-    with patch.object(_step, "step_again", side_effect=real) as call:
+    planner.step(held, q=q)
+    frame = planner.frame
+    with patch.object(frame, "step_again", side_effect=frame.step_again) as call:
         for _ in range(2):
             planner.step(held, q=q)
             types.append(call.call_args.args[-1].flags.writeable)
     assert types == [True, True]  # a read-only array would be compiled for
+    table = planner.memory.table  # of a map of more blocks it has another type
+    assert frame.step_again is compiled_step_again(table.dtype)
     q.flags.writeable = True
     q[0] += 0.01  # the very array, written in place
     assert planner.step(held, q=q).path[0].tobytes() == q.tobytes()

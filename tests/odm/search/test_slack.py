@@ -18,6 +18,7 @@ from wrappers import with_wrapper
 import odm
 from odm.close_test._slack import (
     NEAR,
+    balls_from_solid,
     displaced,
     in_fours,
     line_distance,
@@ -31,6 +32,7 @@ from roadmap.kinematics.forward import tool_pose
 part_free = with_wrapper(judge.part_free)
 stands_free = with_wrapper(judge.stands_free)
 
+balls_from_solid = with_wrapper(balls_from_solid)
 displaced = with_wrapper(displaced)
 in_fours = with_wrapper(in_fours)
 line_distance = with_wrapper(line_distance)
@@ -101,6 +103,27 @@ def test_lines_beside_a_capsule_are_measured_as_one_by_one(number, rng):
             alone = line_distance(solids, 0, *ends, 0.0)
             np.testing.assert_array_equal(gap[i], alone)
             assert np.isnan(alone) == np.isnan(number)
+
+
+@pytest.mark.parametrize("kind", (*MOVING, "mesh"))
+@pytest.mark.parametrize("lanes", [8, 16])
+def test_balls_have_no_more_to_spare_than_is_told(kind, lanes, rng):
+    """On all of their way; and exactly that where it is a capsule's, and they stay."""
+    for k in range(20):
+        shape = draw_shape(kind, rng)
+        begin = rng.normal(size=(3, lanes))
+        end = begin + 0.3 * rng.normal(size=(3, lanes)) * (k % 4 > 0)
+        bound, shares = rng.uniform(0.0, 0.2, (3, lanes)), tuple(rng.uniform(0, 1, 2))
+        wide = bound[2] + shares[0] * bound[0] + shares[1] * bound[1]
+        near = np.full(lanes, 7.0)
+        balls_from_solid((begin, end), bound, shares, solids_of([shape]), 0, near)
+        gaps = [
+            exact_distance(shape, (begin + t * (end - begin)).T) - wide
+            for t in np.linspace(0.0, 1.0, 9)
+        ]
+        assert (near <= np.min(gaps, axis=0) + 1e-6).all()
+        if kind in ("capsule", "sphere") and k % 4 == 0:
+            np.testing.assert_allclose(near, gaps[0], atol=1e-6)
 
 
 def _place(f, p):
