@@ -86,3 +86,18 @@ def test_the_stages_are_told_by_the_clock_of_python(planner, seen):
     whole = 1e-9 * (time.perf_counter_ns() - begun)
     assert 0.0 < stages["occupancy"] < stages["total"] <= whole
     assert stages["plan"] == pytest.approx(stages["total"] - stages["occupancy"])
+
+
+def test_a_path_that_a_search_finds_again_is_followed(small_map):
+    planner, held = odm.ReactivePlanner(small_map, True), odm.Obstacles(capsules=POST)
+    planner.set_goals([AWAY])
+    assert [planner.step(held, q=HOME).status for _ in range(3)] == [
+        "replanned",
+        "following",
+        "following",
+    ]
+    planner.set_goals([0.5 * (HOME + AWAY), AWAY])
+    planner.step(held, q=HOME)  # may join q to the roadmap anew
+    planner.set_goals([AWAY])
+    assert planner.step(held, q=HOME).status == "replanned"
+    assert planner.step(held, q=HOME).status == "following"
