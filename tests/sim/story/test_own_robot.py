@@ -986,7 +986,7 @@ def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_laste
 
 @pytest.mark.parametrize("wrong", ["nan", "no radius"])
 def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong):
-    story, human = story_of(maps)
+    story, human = story_of(maps, wait_s=0.6)  # while they are not, no time passes
     bad = np.array(human.capsules())
     bad[3, 2 if wrong == "nan" else 6] = np.nan if wrong == "nan" else -0.1
     speeds = []
@@ -994,10 +994,30 @@ def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong)
         rows = bad if 20 <= k < 90 else human.capsules()
         frame = sim.StoryFrame(PERIOD * k, human, None, holds=True, capsules=rows)
         speeds.append(np.abs(story.update(frame).dq).max())
+        age = PERIOD * (k - 19) if 20 <= k < 30 else 0.0
+        assert story._last.threat.age == pytest.approx(
+            age
+        )  # what was seen last stands in
+        assert (story.answer.status == "holding") == (30 <= k < 90)
         if k == 89:
             assert "capsule 3 (right hand" in story.reason
-            assert story.answer.status == "holding"
     assert speeds[15] > 0.05 and speeds[89] == 0.0 and speeds[-1] > 0.05
+    assert not story.events
+
+
+@pytest.mark.parametrize("holds", [False, True])
+def test_an_object_out_of_sight_for_a_moment_counts_where_it_was_seen(maps, holds):
+    story, human = story_of(maps, "receive")
+    for k in range(25):
+        T, closed = (FAR, False) if k < 10 else (None, holds)
+        rows = np.full((len(human.labels), 7), np.nan) if closed else None
+        seen = human, None, True, closed, T
+        story.update(sim.StoryFrame(PERIOD * k, *seen, capsules=rows))
+        lately = (
+            10 <= k < 20 and not holds
+        )  # what the fingers closed on is nowhere else
+        assert (story._last.obj is not None) == (k < 10 or lately)
+        assert holds or ("is not seen" in story.reason) == (k >= 20)
 
 
 def test_a_frame_of_another_shape_is_refused_by_name_and_lists_are_arrays(maps):
@@ -1053,6 +1073,26 @@ def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
     story.answer = story.planner.step(there, q=story.executor.set_point.q)
     assert "set_goals" in story.answer.reason
     assert story.reason == "no place within reach of both is known"
+    story.answer = SimpleNamespace(status="following")  # to its place of rest
+    pursuit = story.targets.pursuit
+    for now, words in (
+        (dict(), "no place within reach of both is known"),
+        (dict(missing_m=0.42), "they are 0.42 m too far away"),
+        (dict(state="blocked", targets=7), "no way to a place within the person's"),
+        (dict(key=3), ""),
+    ):
+        story.targets.pursuit = replace(pursuit, **now)
+        assert words in story.reason and bool(words) == bool(story.reason)
+
+
+def test_what_is_held_out_where_it_cannot_be_grasped_is_told(maps):
+    story, human = story_of(maps, "receive")
+    for k in range(10):
+        story.update(sim.StoryFrame(PERIOD * k, human, T_base_object=FAR))
+        assert "no way" not in story.reason  # it is still looked for
+    while not story.offer.reaches.over:
+        story.offer.reaches.work()
+    assert "no way to grasp what is held out" in story.reason
 
 
 def test_a_measured_q_that_fails_once_and_is_then_missing_holds_for_that_frame(maps):
