@@ -83,8 +83,9 @@ class Handover:
 
     Raises:
         BadInput: No finger pads, another robot's targets, a place that is no pose, an
-            object in the hand that does not fit in where the robot stands, or one that
-            the planner could not take into the map.
+            object heavier than a known robot carries, one in the hand that does not fit
+            in where the robot stands, or one that the planner could not take into the
+            map.
     """
 
     def __init__(

@@ -964,6 +964,13 @@ def test_pads_that_are_none_are_refused_with_those_that_could_be(maps):
         story_of(maps, pads=("link9",))
 
 
+def test_what_the_robot_is_not_made_to_carry_is_refused_before_the_first_frame(maps):
+    story_of(maps, "receive", kg=3.0)
+    for direction in ("give", "receive"):
+        with pytest.raises(BadInput, match="weighs 3.1 kg, but .* 3 kg at most"):
+            story_of(maps, direction, kg=3.1)
+
+
 def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_lasted(maps):
     story, human = story_of(maps)
     force = [0.0]
