@@ -216,8 +216,9 @@ class Handover:
             T, reaches = self._last.frame.T_base_object, offer.reaches
             if T is None:
                 return "what is to be taken is not seen"
-            if reaches.over and not reaches.found and not offer.moved(T):
-                return "no way to grasp what is held out, where it is, was found"
+            if not reaches.found and not offer.moved(T):
+                yet = "" if reaches.over else " yet"
+                return f"no way to grasp what is held out, where it is, was found{yet}"
         if kind != "targets" or pursuit.key is not None or pursuit.touched:
             return ""
         if pursuit.state == OCCUPIED:

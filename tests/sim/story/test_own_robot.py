@@ -1096,10 +1096,21 @@ def test_what_is_held_out_where_it_cannot_be_grasped_is_told(maps):
     story, human = story_of(maps, "receive")
     for k in range(10):
         story.update(sim.StoryFrame(PERIOD * k, human, T_base_object=FAR))
-        assert "no way" not in story.reason  # it is still looked for
+        assert story.reason.endswith("found yet")  # it is still looked for
     while not story.offer.reaches.over:
         story.offer.reaches.work()
-    assert "no way to grasp what is held out" in story.reason
+    assert story.reason.startswith("no way to grasp what is held out")
+    assert story.reason.endswith("was found")
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_where_no_grasp_was_found_a_small_move_is_reason_to_look_again(maps, found):
+    offer = story_of(maps, "receive")[0].offer
+    offer.reaches.begin(FAR, offer.view.robot.lower)
+    offer.reaches._queue, offer.reaches.found = [], [None] * found
+    assert not offer.moved(FAR @ pose_of((0.0, 0.003, 0.0), (0.0, 0.0, 0.0)))
+    assert offer.moved(FAR @ pose_of((0.0, 0.006, 0.0), (0.0, 0.0, 0.0))) != found
+    assert offer.moved(FAR @ pose_of((0.0, 0.03, 0.0), (0.0, 0.0, 0.0)))
 
 
 def test_a_measured_q_that_fails_once_and_is_then_missing_holds_for_that_frame(maps):
