@@ -452,6 +452,7 @@ class Handover:
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(frame),
+            "ungripped": passed > limit and hand.fingers == OPEN,
             "unfelt": passed > limit and not self._pull.felt,
             "weak_pull": passed > limit and self._pull.weak > 0.0,
             "occupied": passed > limit and self._is_occupied(seen),
@@ -686,7 +687,8 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "occupied", "hindered", "under_way", "taken_up")
+        limits = "late", "occupied", "hindered", "under_way", "taken_up", "ungripped"
+        late = signal in limits
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()

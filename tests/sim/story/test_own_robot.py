@@ -1353,6 +1353,16 @@ def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
     assert "sensor" not in thrust and "[robot]" in thrust
 
 
+@pytest.mark.parametrize("fingers", ["open", "closed"])
+def test_who_holds_on_is_told_apart_from_who_never_held_it_still(maps, fingers):
+    story, human = story_of(maps, "receive", wait_s=0.2)
+    story.machine.state, story.hand.fingers = "close", fingers
+    story.offer.reaches._T = FAR  # it is where its grasps are for
+    for k in range(30):
+        story.update(sim.StoryFrame(PERIOD * k, human, None, False, True, FAR))
+    assert story.events[0].signal == {"open": "ungripped", "closed": "late"}[fingers]
+
+
 @pytest.mark.parametrize("pace", ["slowed", "braked", "moving"])
 def test_who_was_slowed_for_the_person_until_the_time_was_over_says_so(
     maps, monkeypatch, pace
