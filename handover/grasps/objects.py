@@ -183,6 +183,8 @@ def _check_size(name: str, size: float) -> None:
         return
     scale, unit = (0.01, "centi") if size <= 100.0 * LARGEST else (0.001, "milli")
     hint = f"if it is drawn in {unit}metres, give a scale of {scale:g}"
+    if size < 5.0 * LARGEST:  # in centimetres it would be a crumb
+        hint = "longer things are not held at one end"
     if size < SMALLEST:
         hint = "give all lengths in metres, with a scale that makes them so"
     raise BadInput(

@@ -36,6 +36,8 @@ class KnownRobot:
             [rad/s2, rad/s3].
         travel: Finger joints that may stand anywhere, None: all that can; of hands
             that stand as a grasp says, none.
+        payload_kg: What the maker lets it carry, its hand included [kg]; None: we know
+            of no figure.
     """
 
     origin: str
@@ -47,6 +49,7 @@ class KnownRobot:
     jerk: Mapping[str, float] = field(default_factory=dict)
     endless: tuple[str, ...] = ()
     travel: tuple[str, ...] | None = None
+    payload_kg: float | None = None
 
 
 # Baxter's right arm hangs beside the pedestal; its left gripper, if it stands, is open.
@@ -87,10 +90,15 @@ _ROBOTS = {
         {"panda_finger_joint1": 0.04},
         acceleration=_PANDA,
         jerk={name: 500.0 * a for name, a in _PANDA.items()},
+        payload_kg=3.0,
     ),
-    "kuka_iiwa": KnownRobot("pybullet", "kuka_iiwa/model.urdf", "lbr_iiwa_link_7"),
-    "xarm6": KnownRobot("pybullet", "xarm/xarm6_robot.urdf", "link6"),
-    "kawasaki_fs003n": KnownRobot("maps", "kawasaki_fs003n.urdf", "flange"),
+    "kuka_iiwa": KnownRobot(
+        "pybullet", "kuka_iiwa/model.urdf", "lbr_iiwa_link_7", payload_kg=14.0
+    ),
+    "xarm6": KnownRobot("pybullet", "xarm/xarm6_robot.urdf", "link6", payload_kg=5.0),
+    "kawasaki_fs003n": KnownRobot(
+        "maps", "kawasaki_fs003n.urdf", "flange", payload_kg=3.0
+    ),
     "rail_arm": KnownRobot("maps", "rail_arm.urdf", "tool", {"left_finger": 0.02}),
     "armar3": KnownRobot("maps", "armar3.urdf", "tool"),
     "plain_arm": KnownRobot("maps", "plain_arm.urdf", "tool"),
@@ -98,6 +106,7 @@ _ROBOTS = {
         "example-robot-data",
         "ur_description/urdf/ur5_joint_limited_robot.urdf",
         "tool0",
+        payload_kg=5.0,
     ),
     "baxter_left": KnownRobot(
         "example-robot-data",

@@ -5,14 +5,14 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
-from odm.execution.threat import Threat, Watcher
+from odm.execution.threat import Threat, Watcher, age_of
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
@@ -30,7 +30,9 @@ class StoryFrame:
     """What is seen and felt in one frame.
 
     Capsules, a time or a q that are not finite are those of a failing sensor: the robot
-    stops, says so, and goes on when they are finite again.
+    stops, says so, and goes on when they are finite again. For capsules, and an object
+    that is not seen any more, the frame before stands in, as old as it is by then, for
+    `PlannerSettings.max_age_s`.
 
     Attributes:
         now: Time [s], of any clock.
@@ -146,7 +148,9 @@ class Seen:
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
         object_speed: [m/s].
-        dt: Time since the frame before, as far as it counts [s].
+        dt: Time since the frame before, as far as it counts [s]; 0 where nobody knows
+            where the person is.
+        stamp: When the shapes were seen [s].
     """
 
     frame: StoryFrame
@@ -161,6 +165,7 @@ class Seen:
     hand_gap: float
     object_speed: float
     dt: float
+    stamp: float
 
     @property
     def person(self) -> np.ndarray:
@@ -195,6 +200,7 @@ class Sight:
         self.T_base_world = T_base_world
         self.settings = hand.settings
         self._watcher = Watcher(hand.settings.threat)
+        self._sound: Seen | None = None  # the last in which all was seen
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
         self._alone_s = 0.0  # for how long nobody could get to the object
         # labels as bytes, the parts that are the hand, the arm, words for all parts
@@ -203,6 +209,11 @@ class Sight:
     def look(self, frame: StoryFrame, dt: float) -> Seen:
         """Work out a frame, `dt` [s] after the one before."""
         rows, labels = frame.person(self.T_base_world)
+        sound = are_sound(rows)
+        if not sound or self._lacks_object(frame):
+            lately = self._as_lately(frame, dt)
+            if lately is not None:
+                return lately
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not
@@ -217,7 +228,33 @@ class Sight:
         near = rows[hand]
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
-        return Seen(frame, there, *who, obj, loose, gap, speed, dt)
+        times = dt if sound else 0.0, frame.now
+        seen = Seen(frame, there, *who, obj, loose, gap, speed, *times)
+        self._sound = seen if sound else self._sound
+        return seen
+
+    def _lacks_object(self, frame: StoryFrame) -> bool:
+        """Whether what stood or was held out in the frame before is not seen now."""
+        last, held = self._sound, self.hand.holding or frame.holds
+        there = last is not None and last.loose and not held
+        return there and frame.T_base_object is None
+
+    def _as_lately(self, frame: StoryFrame, dt: float) -> Seen | None:
+        """Return a frame with the shapes of the last sound one; None: that is too old.
+
+        Or of another kind: something has been grasped, or let go of, since.
+        """
+        last, held = self._sound, self.hand.holding or frame.holds
+        if last is None or (last.obj is not None and last.loose == held):
+            return None
+        age = frame.now - last.stamp
+        if not 0.0 <= age <= self.hand.planner.settings.max_age_s:
+            return None
+        threat = last.threat
+        if threat is not None:
+            threat = replace(threat, age=age_of(threat.age) + age)
+        frame = replace(frame, T_base_object=last.frame.T_base_object)
+        return replace(last, frame=frame, threat=threat, dt=dt)
 
     def parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Return which capsules are the hand, and the arm, that takes part.
@@ -278,6 +315,11 @@ class Sight:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
         return _length(here - there) / (now - since or 1.0)
+
+
+def are_sound(rows: np.ndarray) -> bool:
+    """Whether capsules (k, 7) are those of somebody: finite, each with a radius."""
+    return bool(np.isfinite(rows).all() and (rows[:, 6] > 0.0).all())
 
 
 def smallest_gap(hand: np.ndarray, obj: np.ndarray) -> float:

@@ -366,12 +366,17 @@ class Offer:
         self.taken, self._out_of_line = None, False
 
     def moved(self, T: np.ndarray | None) -> bool:
-        """Whether it is at T (4, 4), away from where its grasps were found for."""
-        at = self.reaches.at
+        """Whether it is at T (4, 4), away from where its grasps were found for.
+
+        Or, where none was, a little off: at the end of the robot's reach that decides.
+        """
+        reaches, at, least = self.reaches, self.reaches.at, self.settings.follow
         if T is None or at is None:
             return T is not None and at is None
+        if reaches.over and not reaches.found:
+            least = min(least, self.conduct.tracked)
         off = T[:3, 3] - at
-        return math.sqrt(off @ off) > self.settings.follow
+        return math.sqrt(off @ off) > least
 
     def follow(self, T: np.ndarray, q: np.ndarray) -> None:
         """Look anew for grasps of it at T (4, 4), for a robot at q (dof,)."""

@@ -34,7 +34,7 @@ from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import Seen, Sight, StoryFrame, smallest_gap
+from sim.story.frame import Seen, Sight, StoryFrame, are_sound, smallest_gap
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -83,8 +83,9 @@ class Handover:
 
     Raises:
         BadInput: No finger pads, another robot's targets, a place that is no pose, an
-            object in the hand that does not fit in where the robot stands, or one that
-            the planner could not take into the map.
+            object heavier than a known robot carries, one in the hand that does not fit
+            in where the robot stands, or one that the planner could not take into the
+            map.
     """
 
     def __init__(
@@ -193,8 +194,8 @@ class Handover:
     def reason(self) -> str:
         """Why it is where it is, or why it does not move, as a person says it."""
         why = self._why_held()
-        if why and self._step.kind == "targets" and not len(self.planner.goals):
-            why = "no place within reach of both is known"
+        if not (why and len(self.planner.goals)):  # the planner knows of goals alone
+            why = self._why_nowhere() or why
         executor, state = self.executor, self.state
         stands = executor.reason if not why or executor.state == STANDING else ""
         kept = self.placing.why_kept if state == table.KEPT else ""
@@ -207,6 +208,24 @@ class Handover:
         """Return why the planner holds the robot, as it says it; empty: it does not."""
         held = getattr(self.answer, "status", "") == "holding"
         return getattr(self.answer, "reason", "") if held else ""
+
+    def _why_nowhere(self) -> str:
+        """Return why there is nowhere to give or take it; or empty."""
+        kind, pursuit, offer = self._step.kind, self.targets.pursuit, self.offer
+        if kind == "reach" and self._last is not None:
+            T, reaches = self._last.frame.T_base_object, offer.reaches
+            if T is None:
+                return "what is to be taken is not seen"
+            if not reaches.found and not offer.moved(T):
+                yet = "" if reaches.over else " yet"
+                return f"no way to grasp what is held out, where it is, was found{yet}"
+        if kind != "targets" or pursuit.key is not None or pursuit.touched:
+            return ""
+        if pursuit.state == OCCUPIED:
+            return "no way to a place within the person's reach is known to be free"
+        far = pursuit.missing_m
+        nearer = f": they are {far:.2f} m too far away" if 0.0 < far < np.inf else ""
+        return f"no place within reach of both is known{nearer}"
 
     def _why_it_stands(self) -> str:
         """Return why it does not move, as planner or executor say it."""
@@ -337,9 +356,13 @@ class Handover:
         )
         if math.isfinite(now):
             self._now = now
-            self.machine.since += passed
-            self._begun = None if self._begun is None else self._begun + passed
+            self._leap(passed)
         return 0.0
+
+    def _leap(self, passed: float) -> None:
+        """Let some time [s] not count for what began before."""
+        self.machine.since += passed
+        self._begun = None if self._begun is None else self._begun + passed
 
     def _look(self, frame: StoryFrame) -> Seen:
         """Lay out all shapes with their classes, and follow them."""
@@ -350,7 +373,10 @@ class Handover:
         self.view.at_place = at_place and not stands
         if at_place:  # the pads touch the object
             self.view.phase = "receive" if self.view.at_place else None
-        seen = self.sight.look(frame, self._passed(frame.now))
+        passed = self._passed(frame.now)
+        seen = self.sight.look(frame, passed)
+        if not seen.dt:  # no time limit runs while nobody knows where the person is
+            self._leap(passed)
         people, n = seen.people, len(seen.there)
         if self.state == table.RETREAT and self._step.kind == "goal" and seen.loose:
             if self.view.phase is not None and self._is_clear_of(seen.obj):
@@ -397,8 +423,7 @@ class Handover:
         likely = threat.of(arm).likely(*self.conduct.expected) if len(arm) else None
         rows = [rods] if likely is None else [likely.capsules, rods]
         expected = np.vstack(rows)
-        sound = np.isfinite(expected).all() and (expected[:, 6] > 0.0).all()
-        if len(expected) and sound:  # who is nowhere is not expected anywhere
+        if len(expected) and are_sound(expected):  # who is nowhere is expected nowhere
             self.planner.expect(Obstacles(capsules=expected))
 
     # --- which signals hold -----------------------------------------------------
@@ -427,6 +452,7 @@ class Handover:
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(frame),
+            "ungripped": passed > limit and hand.fingers == OPEN,
             "unfelt": passed > limit and not self._pull.felt,
             "weak_pull": passed > limit and self._pull.weak > 0.0,
             "occupied": passed > limit and self._is_occupied(seen),
@@ -661,7 +687,8 @@ class Handover:
     def _retreating(self, signal: str) -> list[Step]:
         """Back along the tool's axis from what was let go of or taken, then to rest."""
         rest = Step("goal", [self._rest])
-        late = signal in ("late", "occupied", "hindered", "under_way", "taken_up")
+        limits = "late", "occupied", "hindered", "under_way", "taken_up", "ungripped"
+        late = signal in limits
         beside = late or signal in ("open", "free", "missed")
         if signal in ("open", "lost") and self.holding:
             self._let_go()
@@ -800,10 +827,10 @@ class Handover:
 
     def _step_planner(self, seen: Seen, q: np.ndarray) -> object:
         """Let the planner see the frame, without what may be touched, and answer."""
-        now, there = seen.frame.now, self._to_avoid(seen)
+        there = self._to_avoid(seen)
         if self.view.phase is None:
             there = self._with_berth(seen, there)
-        return self.planner.step(there, q=q, stamp=now, now=now)
+        return self.planner.step(there, q=q, stamp=seen.stamp, now=seen.frame.now)
 
     def _with_berth(self, seen: Seen, there: Obstacles) -> Obstacles:
         """Return the shapes as a robot on its way had better pass them."""
@@ -820,8 +847,8 @@ class Handover:
 
     def _see(self, seen: Seen, q: np.ndarray) -> None:
         """Let the planner see the frame: where it goes by no path of the planner's."""
-        now = seen.frame.now
-        self.planner.see(self._to_avoid(seen), q=q, stamp=now, now=now)
+        there, now = self._to_avoid(seen), seen.frame.now
+        self.planner.see(there, q=q, stamp=seen.stamp, now=now)
 
     def _to_avoid(self, seen: Seen) -> Obstacles:
         """Return the shapes that may not be touched by anything in this phase."""

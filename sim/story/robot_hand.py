@@ -14,6 +14,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
+from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_with, rotation_rpy
 from sim.story.settings import GraspingSettings, StorySettings
@@ -46,8 +47,9 @@ class Hand:
             is known.
 
     Raises:
-        BadInput: No finger pads, or an object in the hand that does not fit in where
-            the robot stands, or one that the planner could not take into the map.
+        BadInput: No finger pads, an object that the robot is not made to carry, one in
+            the hand that does not fit in where the robot stands, or one that the
+            planner could not take into the map.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Hand:
         holding: bool,
     ) -> None:
         _check_pads(planner)
+        _check_mass(planner, obj)
         _check_carrier(planner, holding)
         self.planner, self.executor, self.obj = planner, executor, obj
         self.settings, self.holding = settings, holding
@@ -291,6 +294,18 @@ def _check_pads(planner: ReactivePlanner) -> None:
             f"the planner's finger pads are {sorted(pads)}, but must be some of the "
             f"links that the tool carries: {', '.join(sorted(own))}; name those that "
             "touch an object in PlannerSettings(finger_pads=...)"
+        )
+
+
+def _check_mass(planner: ReactivePlanner, obj: HeldObject) -> None:
+    """Refuse what a known robot is not made to carry."""
+    known = known_robot(planner.cell_map.recipe.robot.source)
+    most = None if known is None else known.payload_kg
+    if most is not None and obj.mass_kg > most:
+        raise BadInput(
+            f"{obj.name} weighs {obj.mass_kg:g} kg, but {planner.robot.name} carries "
+            f"{most:g} kg at most, its hand included, as its maker says; hand over "
+            "something lighter, or give the object's true mass_kg"
         )
 
 

@@ -55,7 +55,10 @@ def metres_per_unit(
             "unit = 0.05, in the mapping (--mapping FILE)"
         )
     metres = UNITS[fitting]
-    return metres, f"taken as {fitting}: the arm is then {length * metres:.2f} m long"
+    return metres, (
+        f"taken as {fitting}: the arm is then {length * metres:.2f} m long; a unit in "
+        "the mapping (--mapping FILE) says otherwise"
+    )
 
 
 def _fitting(length: float) -> str | None:

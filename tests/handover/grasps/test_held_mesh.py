@@ -74,6 +74,7 @@ def test_rods_hold_all_of_a_mesh_and_little_more():
         ((0.2, 0.15, 0.12), 1.0, "cannot hold thing of 20 x 15 x 12 cm"),
         ((0.03, 0.03, 0.03), 1.0, "a person's hand needs 6 cm; give a longer object"),
         ((200.0, 30.0, 30.0), 1.0, "millimetres, give a scale of 0.001"),
+        ((0.02, 0.02, 1.2), 1.0, "to 1 m; longer things are not held at one end"),
     ],
 )
 def test_what_nobody_can_hold_or_take_is_refused(robot, tmp_path, size, scale, told):

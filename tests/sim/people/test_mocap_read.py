@@ -87,7 +87,7 @@ def test_csv_rotations_may_be_absent_where_places_are_not(tmp_path):
         ("\n100\n", "\nfast\n", "'fast', which is no number"),
         ("\n100\n", '\n"99,5"\n', "'99,5', which is no number; write it with a poin"),
         ("\n2,0,", "\n# note\n2,0,", "has 1 of .* cells: .* or a comment stands ther"),
-        ("rad,mm", "rad,parsec", "positions in 'parsec'; write m, inch, cm"),
+        ("rad,mm", "rad,parsec", "positions in 'parsec'; write m, cm, inch"),
         ("TX,TY,TZ", "A,B,C", None),
         ("\n2,0,", "\n2,0,huh,", "line 7 of a.csv holds 'huh', which is no number"),
         ("\n3,0,", "\n1,0,", "frame '1' after 2; frame numbers must rise"),

@@ -964,6 +964,13 @@ def test_pads_that_are_none_are_refused_with_those_that_could_be(maps):
         story_of(maps, pads=("link9",))
 
 
+def test_what_the_robot_is_not_made_to_carry_is_refused_before_the_first_frame(maps):
+    story_of(maps, "receive", kg=3.0)
+    for direction in ("give", "receive"):
+        with pytest.raises(BadInput, match="weighs 3.1 kg, but .* 3 kg at most"):
+            story_of(maps, direction, kg=3.1)
+
+
 def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_lasted(maps):
     story, human = story_of(maps)
     force = [0.0]
@@ -986,7 +993,7 @@ def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_laste
 
 @pytest.mark.parametrize("wrong", ["nan", "no radius"])
 def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong):
-    story, human = story_of(maps)
+    story, human = story_of(maps, wait_s=0.6)  # while they are not, no time passes
     bad = np.array(human.capsules())
     bad[3, 2 if wrong == "nan" else 6] = np.nan if wrong == "nan" else -0.1
     speeds = []
@@ -994,10 +1001,30 @@ def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong)
         rows = bad if 20 <= k < 90 else human.capsules()
         frame = sim.StoryFrame(PERIOD * k, human, None, holds=True, capsules=rows)
         speeds.append(np.abs(story.update(frame).dq).max())
+        age = PERIOD * (k - 19) if 20 <= k < 30 else 0.0
+        assert story._last.threat.age == pytest.approx(
+            age
+        )  # what was seen last stands in
+        assert (story.answer.status == "holding") == (30 <= k < 90)
         if k == 89:
             assert "capsule 3 (right hand" in story.reason
-            assert story.answer.status == "holding"
     assert speeds[15] > 0.05 and speeds[89] == 0.0 and speeds[-1] > 0.05
+    assert not story.events
+
+
+@pytest.mark.parametrize("holds", [False, True])
+def test_an_object_out_of_sight_for_a_moment_counts_where_it_was_seen(maps, holds):
+    story, human = story_of(maps, "receive")
+    for k in range(25):
+        T, closed = (FAR, False) if k < 10 else (None, holds)
+        rows = np.full((len(human.labels), 7), np.nan) if closed else None
+        seen = human, None, True, closed, T
+        story.update(sim.StoryFrame(PERIOD * k, *seen, capsules=rows))
+        lately = (
+            10 <= k < 20 and not holds
+        )  # what the fingers closed on is nowhere else
+        assert (story._last.obj is not None) == (k < 10 or lately)
+        assert holds or ("is not seen" in story.reason) == (k >= 20)
 
 
 def test_a_frame_of_another_shape_is_refused_by_name_and_lists_are_arrays(maps):
@@ -1053,6 +1080,37 @@ def test_while_no_place_is_known_it_says_so_and_names_no_call(maps):
     story.answer = story.planner.step(there, q=story.executor.set_point.q)
     assert "set_goals" in story.answer.reason
     assert story.reason == "no place within reach of both is known"
+    story.answer = SimpleNamespace(status="following")  # to its place of rest
+    pursuit = story.targets.pursuit
+    for now, words in (
+        (dict(), "no place within reach of both is known"),
+        (dict(missing_m=0.42), "they are 0.42 m too far away"),
+        (dict(state="blocked", targets=7), "no way to a place within the person's"),
+        (dict(key=3), ""),
+    ):
+        story.targets.pursuit = replace(pursuit, **now)
+        assert words in story.reason and bool(words) == bool(story.reason)
+
+
+def test_what_is_held_out_where_it_cannot_be_grasped_is_told(maps):
+    story, human = story_of(maps, "receive")
+    for k in range(10):
+        story.update(sim.StoryFrame(PERIOD * k, human, T_base_object=FAR))
+        assert story.reason.endswith("found yet")  # it is still looked for
+    while not story.offer.reaches.over:
+        story.offer.reaches.work()
+    assert story.reason.startswith("no way to grasp what is held out")
+    assert story.reason.endswith("was found")
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_where_no_grasp_was_found_a_small_move_is_reason_to_look_again(maps, found):
+    offer = story_of(maps, "receive")[0].offer
+    offer.reaches.begin(FAR, offer.view.robot.lower)
+    offer.reaches._queue, offer.reaches.found = [], [None] * found
+    assert not offer.moved(FAR @ pose_of((0.0, 0.003, 0.0), (0.0, 0.0, 0.0)))
+    assert offer.moved(FAR @ pose_of((0.0, 0.006, 0.0), (0.0, 0.0, 0.0))) != found
+    assert offer.moved(FAR @ pose_of((0.0, 0.03, 0.0), (0.0, 0.0, 0.0)))
 
 
 def test_a_measured_q_that_fails_once_and_is_then_missing_holds_for_that_frame(maps):
@@ -1293,6 +1351,16 @@ def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
     assert re.search(r"wrong by up to 10 mm.*better sensor", sensor)
     thrust = slow_to_stop(quick, replace(PARTNER, acceleration=100.0))
     assert "sensor" not in thrust and "[robot]" in thrust
+
+
+@pytest.mark.parametrize("fingers", ["open", "closed"])
+def test_who_holds_on_is_told_apart_from_who_never_held_it_still(maps, fingers):
+    story, human = story_of(maps, "receive", wait_s=0.2)
+    story.machine.state, story.hand.fingers = "close", fingers
+    story.offer.reaches._T = FAR  # it is where its grasps are for
+    for k in range(30):
+        story.update(sim.StoryFrame(PERIOD * k, human, None, False, True, FAR))
+    assert story.events[0].signal == {"open": "ungripped", "closed": "late"}[fingers]
 
 
 @pytest.mark.parametrize("pace", ["slowed", "braked", "moving"])
