@@ -30,7 +30,8 @@ def is_special(path: Path) -> bool:
 def beside(path: Path) -> Iterator[Path]:
     """Yield a free name beside `path`; what is still there at the end is removed.
 
-    OSError for a device or a pipe, which a file renamed to it would replace.
+    OSError for a device or a pipe, which a file renamed to it would replace. One that
+    says of no file that it could not be written, as of a full disk, is told of `path`.
     """
     if is_special(path):
         raise OSError(errno.EINVAL, "is a device or a pipe; name a file", str(path))
@@ -39,6 +40,9 @@ def beside(path: Path) -> Iterator[Path]:
     _wait_where_ended()
     try:
         yield made
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
     finally:
         _remove(made)
         _PATHS.discard(made)

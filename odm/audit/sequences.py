@@ -29,8 +29,8 @@ from roadmap.kinematics.forward import sphere_centers, wrapped
 from roadmap.transforms import moved_points, pose_of
 
 PUSH = 0.006  # [m] how far a sphere is pushed in one frame, at most
-AIM = 0.05  # [m] pushes go where this brings the robot nearest to an obstacle
-AIMED = 8  # frames between two looks where a push should go
+FAR = (0.1, 0.5)  # [m] how far in all
+AIMED = 0.8  # share of the pushes in whose way an obstacle is put
 MISREAD = 0.004  # [rad or m] steady error of a joint, at most
 FEW, HUGE = 4, 40_000  # goals at most; points of a frame that makes the memory grow
 BUMP = 0.04  # [rad or m] of a joint
@@ -169,21 +169,24 @@ class Sequence:
         self.q = self.inside(q + self.error)
 
     def push(self) -> None:
-        """Begin to be pushed off the path, mostly towards what is near."""
-        if len(self.world.capsules) and self.rng.random() < 0.5:
-            gap = self.rng.uniform(0.03, 0.15)
-            self._shift(self._ahead(), self.planner.keep + gap)
-        self.push_size = PUSH * 10.0 ** self.rng.uniform(-1.0, 0.0)
-        self.push_aimed = bool(self.rng.random() < 0.8)
-        self.pushes = int(self.rng.integers(1, 120))
-        self._aim()
-
-    def _aim(self) -> None:
-        """Choose where the robot is pushed to."""
-        drawn = self.rng.normal(size=(8, self.robot.dof))
-        scaled = [d / self._motion(d) for d in drawn]
-        near = [self.planner.separation(self.inside(self.q + AIM * d)) for d in scaled]
-        self.pushed = self.push_size * scaled[int(np.argmin(near))]
+        """Begin to be pushed off the path, mostly against an obstacle."""
+        rng, robot = self.rng, self.robot
+        d = rng.normal(size=robot.dof)
+        d /= self._motion(d)
+        far, size = rng.uniform(*FAR), PUSH * 10.0 ** rng.uniform(-1.0, 0.0)
+        self.pushed, self.pushes = size * d, 1 + int(far / size)
+        if rng.random() > AIMED:
+            return
+        ends = self.q, self.inside(self.q + far * d)
+        here, there = (sphere_centers(robot, q)[robot.moving] for q in ends)
+        near = there[np.linalg.norm(there - here, axis=1).argmax()]
+        for _ in range(FEW):
+            arm = self.draw_arm(near)
+            away = sample_capsules(arm, SPACING)[:, None] - here
+            gap = np.linalg.norm(away, axis=2) - robot.spheres[robot.moving, 3]
+            if gap.min() > self.planner.keep:
+                self.world.capsules, self.world.others = arm, []
+                return
 
     def _motion(self, dq: np.ndarray) -> float:
         """Return how far the fastest sphere moves at q, per unit of dq [m]."""
@@ -422,8 +425,6 @@ class Sequence:
             self.q = self.draw_valid()
         if self.pushes:
             self.pushes -= 1
-            if self.push_aimed and self.pushes % AIMED == 0:
-                self._aim()
             self.q = self.inside(self.q + self.pushed)
         return Step(answer, verdict)
 
@@ -454,17 +455,25 @@ def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:
 
     What an earlier version did: a robot off its segment by no more than the tracking
     share was taken to be on it. The motion from there got the segment's cells and its
-    mark of being free of what stands still, and the next frame measured from it. The
-    planner is about to be asked from q.
+    mark of being free of what stands still, and the next frame measured from it. What
+    the segment had to spare counts for that motion, too: most have no cells, and are
+    tested anew where that is used up. The planner is about to be asked from q.
     """
     robot_state, path = planner.memory.robot_state, planner.memory.path
     if not np.isfinite(q).all():
         return
     at = int(locate_on_path(planner.memory.table, path, 0, q, robot_state.fraction))
     if at >= 0:
-        certificates = planner.memory.certificates
-        path.q[at] = certificates.begin[at] = q
-        certificates.end[at] = path.q[at + 1]
+        certificates, slacks = planner.memory.certificates, planner.memory.slacks
+        now, kept = (q, path.q[at + 1].copy()), slacks.chords > 0
+        for old, held in (
+            (certificates.begin, slacks.begin),
+            (certificates.end, slacks.end),
+        ):
+            kept &= np.abs(held - old[at]).max(axis=1) < 1e-9
+        slacks.begin[kept], slacks.end[kept] = now
+        path.q[at] = q
+        certificates.begin[at], certificates.end[at] = now
 
 
 def _drawn_inside(envelope: PayloadRecipe, rng: np.random.Generator) -> np.ndarray:

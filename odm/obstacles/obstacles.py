@@ -14,7 +14,7 @@ from odm.obstacles import shapes as solid
 from odm.obstacles._solid_samples import KEPT, WIDTHS, Patterns
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
-from roadmap.arrays import as_floats
+from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
 from roadmap.ranges import check_kind
@@ -81,8 +81,8 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
-        "_boxes", "_capsules", "_cylinders", "_hulls", "_meshes", "_points", "_size",
-        "_spheres", "classes", "counts", "data", "labels", "poses", "shape_classes",
+        "_boxes", "_capsules", "_cylinders", "_hulls", "_meshes", "_points", "_poses",
+        "_size", "_spheres", "classes", "counts", "data", "labels", "shape_classes",
     )  # fmt: skip
 
     def __init__(
@@ -115,23 +115,14 @@ class Obstacles:
             "boxes": boxes,
             "meshes": np.array(poses).reshape(-1, 12) if poses else _NONE,
         }
-        self._hold_nothing()
-        rows = {}
-        for k, kind in enumerate(KINDS):
-            if given[kind] is not _NONE:
-                rows[kind] = part = _rows(kind, given[kind], WIDTHS[k])
-                self.counts[k] = len(part)
-        self.data = np.concatenate(
-            [_NO_DATA, *(part.ravel() for part in rows.values())]
-        )
-        at = self._size = 0
-        for kind, part in rows.items():
-            n, width = part.shape
-            view = self.data[at : at + part.size].reshape(n, width)
-            setattr(self, "_" + kind, view)
-            at, self._size = at + part.size, self._size + n
-        if poses:
-            self.poses = self._meshes.reshape(-1, 3, 4)
+        rows = [
+            _NO_ROWS[k] if part is _NONE else _rows(kind, part, WIDTHS[k])
+            for k, (kind, part) in enumerate(given.items())
+        ]
+        self.counts = np.array([len(part) for part in rows])
+        self.data = np.concatenate([part.ravel() for part in rows])
+        self._lay_out()
+        self._points = _NO_POINTS
         if points is not None:
             self.points = points
         self.shape_classes = np.zeros(self._size, np.int8)
@@ -140,16 +131,28 @@ class Obstacles:
         if classes is not None:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
 
-    def _hold_nothing(self) -> None:
-        self._capsules, self._spheres, self._cylinders, self._boxes, self._meshes = (
-            _NO_ROWS
-        )
-        self.counts, self.poses, self._points = _NO_COUNTS.copy(), _NO_POSES, _NO_POINTS
+    def _lay_out(self) -> None:
+        """Let the rows of each kind be views of `data`, which a frame reads."""
+        at = 0
+        for kind, n, width in zip(KINDS, self.counts.tolist(), WIDTHS, strict=True):
+            setattr(self, "_" + kind, self.data[at : at + n * width].reshape(n, width))
+            at += n * width
+        self._size = int(self.counts.sum())
+        self._poses = self._meshes.reshape(-1, 3, 4)
+
+    def __setstate__(self, state: tuple[None, dict]) -> None:
+        """Take up what was copied or pickled: each array by itself, no more a view."""
+        for name, value in state[1].items():
+            setattr(self, name, value)
+        self.counts, self.data = writable(self.counts), writable(self.data)
+        self._lay_out()
 
     def _hold_capsules(self, capsules: np.ndarray | int) -> None:
-        self._hold_nothing()
+        _, self._spheres, self._cylinders, self._boxes, self._meshes = _NO_ROWS
+        self._poses, self._points = _NO_POSES, _NO_POINTS
         self._capsules = rows = np.array(_rows("capsules", capsules, WIDTHS[0]))
-        self.counts[0] = self._size = n = len(rows)
+        self._size = n = len(rows)
+        self.counts = np.array([n, 0, 0, 0, 0])
         self._hulls, self.data = [], rows.ravel()
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
@@ -211,6 +214,7 @@ class Obstacles:
     spheres = _written_in_place("spheres", "(k, 4) centre and radius")
     cylinders = _written_in_place("cylinders", "(k, 7) ends of the axis and radius")
     boxes = _written_in_place("boxes", "(k, 15) pose (3, 4) and edge lengths")
+    poses = _written_in_place("poses", "(k, 3, 4) poses of the meshes")
 
     points = property(
         attrgetter("_points"),
@@ -335,8 +339,7 @@ def _hull_of_vertices(vertices: bytes) -> Hull | None:
 
 _NONE = 0  # of the default; most frames have capsules and nothing else
 _NO_ROWS = [np.zeros((0, w)) for w in WIDTHS]  # as in `KINDS`
-_NO_DATA, _NO_POSES = np.zeros(0), np.zeros((0, 3, 4))
-_NO_COUNTS = np.zeros(len(KINDS), np.int64)
+_NO_POSES = np.zeros((0, 3, 4))
 _WHOLE = (int, np.integer)
 
 

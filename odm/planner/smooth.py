@@ -137,7 +137,7 @@ class Smoother:
         if at >= last - 1:
             return -1
         q = path.q[at] + share * (path.q[at + 1] - path.q[at])
-        corners = np.stack([q, path.q[last]])
+        corners = np.stack([q, q + self.frame.difference(q, path.q[last])])
         change = Change(at, last, share == 0.0, True, corners)
         weights = self.frame.cell_map.roadmap.weights
         rest = np.vstack([q[None], path.q[at + 1 : last + 1]])

@@ -132,7 +132,7 @@ def build_roadmap(
         free[k : k + _TESTED] = found
         tell("edges", min(k + _TESTED, len(pairs)), len(pairs))
     if not free.any():
-        raise BuildRefused(_no_edges(settings, len(pairs)))
+        raise BuildRefused(no_edges(settings, len(pairs)))
     edges, lengths = pairs[free], np.linalg.norm(dq[free] * weights, axis=1)
     roadmap, sizes = _largest_component(nodes, edges, lengths, weights)
     return roadmap, BuildReport(drawn, len(pairs), int(free.sum()), sizes)
@@ -162,7 +162,8 @@ def _sample(
     return np.concatenate(kept)[: settings.nodes], drawn
 
 
-def _no_edges(settings: RoadmapSettings, tried: int) -> str:
+def no_edges(settings: RoadmapSettings, tried: int) -> str:
+    """Return why there is no roadmap where none of the motions tried is free."""
     why = f"none of {tried} motions between {settings.nodes} nodes is free"
     if tried == 0:
         why = f"no two of {settings.nodes} nodes lie within max_step of each other"

@@ -20,7 +20,8 @@ from odm.close_test.static import StaticTest, always_touching
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import parse_scenery
 from roadmap.chunks import Threads
-from roadmap.graph.connecting import RoadmapSettings
+from roadmap.errors import BuildRefused
+from roadmap.graph.connecting import RoadmapSettings, no_edges
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
@@ -139,6 +140,8 @@ def probe_roadmap(robot: Robot, recipe: Recipe) -> Probe:
     test.motions_free(a[:8], dq[:8])
     begun = time.perf_counter()
     free = test.motions_free(a, dq)
+    if not free.any():
+        raise BuildRefused(no_edges(settings, len(a)))
     edge_s = (time.perf_counter() - begun) / len(a)
     # an edge found from both of its ends is one edge
     candidates = settings.nodes * min(settings.neighbors, settings.nodes - 1)
@@ -193,6 +196,11 @@ def _near(robot: Robot, test: StaticTest, q, settings: RoadmapSettings, rng):  #
         starts.append(np.repeat(q[[node]], len(chosen), axis=0))
         ends.append(q[chosen])
         share.append(np.where(mutual, 0.5, 1.0))
+    if not starts:
+        raise BuildRefused(
+            f"none of {len(probed)} configurations that were tried is free; check the "
+            "scenery, and what the locked joints are locked at"
+        )
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(share), each
 
 

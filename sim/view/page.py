@@ -212,9 +212,9 @@ class Page:
             if number in self._seen or not whole:
                 continue
             self._seen.add(number)
-            aspect = client.camera.aspect
+            size = client.camera.image_width, client.camera.image_height
             bounds = self.stage.bounds(moment)
-            eye, target = theme.eye_on(*bounds, aspect, _side(moment))
+            eye, target = theme.eye_on(*bounds, size, _side(moment))
             with suppress(AssertionError, RuntimeError):  # it has left meanwhile
                 client.camera.fov = theme.FOV
                 client.camera.position = eye

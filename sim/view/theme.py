@@ -8,6 +8,8 @@ from sim.view import moment as m
 
 _STANDS = 0.1  # nobody's lowest part is thicker [m]
 _PUT_AWAY = -4.0  # nobody stands so far below the robot's base [m]
+PANEL = 350  # width of the panel at the right, with its margin [px]
+_NARROW = 576  # where a window is no wider, the panel is at its foot [px]
 FOV = np.radians(38.0)  # vertical opening of the camera [rad]
 STATE_COLOURS = {
     m.STILL: FAINT,
@@ -90,7 +92,7 @@ def lowest_of(capsules: np.ndarray) -> float:
 def eye_on(
     robot_points: np.ndarray,
     person_points: np.ndarray,
-    aspect: float = 1.6,
+    size: tuple[int, int] = (1440, 900),
     side: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands, and what it looks at, to see robot and person.
@@ -101,7 +103,7 @@ def eye_on(
     Args:
         robot_points: (n, 3) of the robot [m].
         person_points: (k, 3) of the person [m]; none: the robot alone.
-        aspect: Width of the picture in heights.
+        size: Width and height of the window [px].
         side: 1: from the right of the line from robot to person; -1: from its left,
             where the right hand of somebody is who faces the robot.
     """
@@ -116,15 +118,17 @@ def eye_on(
     toward = toward / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
     across = side * np.array([toward[1], -toward[0], 0.0])
     radius = 0.5 * float(np.linalg.norm(high - low)) + 0.1
-    distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(aspect, 0.3))
+    width, height = size
+    taken = PANEL if width > _NARROW else 0
+    fits = (width - taken) / max(height, 1)
+    distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(fits, 0.3))
     back = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
-    # beside the panel, which is at the right, or at the foot of a narrow window
     half = distance * np.tan(FOV / 2)
-    if aspect > 1.0:
-        target = target + 0.35 * (min(aspect, 2.0) - 1.0) * half * right
-    elif aspect < 0.8:
+    if taken:
+        target = target + half * taken / max(height, 1) * right
+    elif fits < 0.8:  # the panel is at the foot
         target = target - 0.45 * half * np.cross(back, right)
     return target + distance * back, target

@@ -1,5 +1,6 @@
 """What is unfinished goes with the process, whatever it was doing at that moment."""
 
+import errno
 import shutil
 import threading
 
@@ -15,6 +16,12 @@ def process(monkeypatch):
     monkeypatch.setattr(unfinished, "_PATHS", set())
     monkeypatch.setattr(unfinished, "_PUTTING", threading.Lock())
     monkeypatch.setattr(unfinished, "_ENDED", threading.Event())
+
+
+def test_a_full_disk_is_told_of_what_was_to_be_written(process, tmp_path):
+    with pytest.raises(OSError) as told, beside(tmp_path / "map"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert told.value.filename == str(tmp_path / "map")
 
 
 def test_a_removal_that_ctrl_c_cut_in_two_is_finished(process, tmp_path, monkeypatch):

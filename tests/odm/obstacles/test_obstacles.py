@@ -1,5 +1,8 @@
 """Obstacles: arrays in place, samples with a proved covering radius, bad input."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from nearest import to_nearest
@@ -216,6 +219,25 @@ def test_another_number_of_rows_is_refused_and_a_wrong_kind_of_shape():
         obstacles.capsules = np.zeros((3, 7))
     with pytest.raises(BadInput, match="a str is no shape"):
         odm.Obstacles.of(["box"])
+
+
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda o: pickle.loads(pickle.dumps(o))]
+)
+@pytest.mark.parametrize("others", [{}, {"boxes": 1}])
+def test_what_is_written_into_a_copy_counts(again, others):
+    copied = again(odm.Obstacles(capsules=CAPSULES, **others))
+    copied.capsules[0, 0] = 5.0
+    assert copied.data[0] == 5.0 and repr(copied).startswith("Obstacles(1 capsules")
+
+
+def test_poses_that_are_set_move_the_meshes():
+    tip = odm.Mesh(np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    obstacles = odm.Obstacles(meshes=[tip])
+    obstacles.poses = np.eye(4)[None, :3] + 0.5
+    assert (obstacles.data.reshape(3, 4) == np.eye(4)[:3] + 0.5).all()
+    with pytest.raises(BadInput, match="made for .1, 3, 4."):
+        obstacles.poses = np.eye(4)
 
 
 def test_labels_name_the_shape(planner):

@@ -20,6 +20,11 @@ URDF = """<robot name="bar">
 """
 OVER_PI = np.array([[2.4], [-2.4]])  # 1.5 rad the short way, 4.8 the long one
 BEHIND = odm.Obstacles(spheres=np.array([[-0.35, 0.0, 0.2, 0.05]]))
+ELBOW = """<link name="fore"><collision><origin xyz="0.1 0 0"/><geometry>
+<box size="0.2 0.06 0.06"/></geometry></collision></link>
+<joint name="elbow" type="continuous"><parent link="bar"/><child link="fore"/>
+<origin xyz="0.4 0 0.08"/><axis xyz="0 0 1"/><limit velocity="2" effort="1"/></joint>
+</robot>"""
 BEFORE = odm.Obstacles(spheres=np.array([[0.35, 0.0, 0.2, 0.05]]))
 
 
@@ -55,3 +60,20 @@ def test_the_first_leg_that_is_blocked_is_told(planner):
 def test_an_extra_that_is_no_number_is_refused(planner, extra):
     with pytest.raises(BadInput, match="extra is"):
         planner.blocked_leg(OVER_PI, extra)
+
+
+def test_a_straight_motion_to_the_goal_is_tested_where_it_turns(tmp_path):
+    """The path in use goes the long way round, and by a detour."""
+    urdf = URDF.replace("</robot>", ELBOW)
+    planner = planner_of(tmp_path, urdf, "fore", 40)
+    corners = np.array([[1.9, 0.0], [0.8, 2.0], [-0.8, 2.0], [-1.9, 0.0]])
+    planner.set_goals(corners[-1:])
+    planner.step(BEHIND, q=corners[0])
+    attacher = planner.smoother.attacher
+    item = attacher.sweep(corners[:-1], np.diff(corners, axis=0))
+    vertices = [attacher.new_vertex() for _ in corners]
+    planner.path.lead(0, vertices, corners, range(item, item + 3))
+    assert len(planner.step(BEHIND, q=corners[0]).path) == 4
+    planner.smoother.look_straight()
+    planner.improve(8)
+    assert planner.blocked_leg(planner.step(BEHIND, q=corners[0]).path) is None

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from command_line import one_sentence
@@ -229,6 +230,27 @@ def test_suggest_agrees_with_a_real_build_and_builds_nothing(
         (rows[0]["map_bytes"], made["folder_bytes"]),
     ):
         assert 0.7 * real < mine < 1.3 * real
+
+
+@pytest.mark.parametrize(
+    ("free", "told"),
+    [
+        ((True, False), "motions between 30"),
+        ((False,), "configurations that were tried"),
+    ],
+)
+def test_suggest_where_nothing_is_free_is_one_sentence(
+    odm, tmp_path, monkeypatch, free, told
+):
+    class Nothing:
+        def motions_free(self, q, dq):
+            return np.full(len(q), free[bool(dq.any()) and len(free) > 1])
+
+    monkeypatch.setattr(suggest, "static_test", lambda spec: Nothing())
+    urdf = tiny_recipe(tmp_path).robot.source
+    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", 30, "--suggest")
+    code, _, said = odm(*words)
+    assert code == 2 and told in said and "check the scenery" in said
 
 
 def test_info_tells_what_the_map_holds(odm, map_dir):

@@ -108,12 +108,12 @@ def test_quality_colours_rise_in_lightness():
     assert tuple(none) == theme.GOAL
 
 
-@pytest.mark.parametrize("aspect", [2.0, 1.0, 0.46])
-def test_the_camera_sees_robot_and_person(aspect):
+@pytest.mark.parametrize("size", [(1600, 800), (800, 600), (390, 844)])
+def test_the_camera_sees_robot_and_person_beside_the_panel(size):
     rng = np.random.default_rng(0)
     robot = rng.uniform([-0.2, -0.3, 0], [0.5, 0.3, 0.9], (20, 3))
     person = rng.uniform([0.6, -0.3, 0.2], [1.2, 0.3, 0.8], (10, 3))
-    eye, target = theme.eye_on(robot, person, aspect)
+    eye, target = theme.eye_on(robot, person, size)
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, [0, 0, 1.0])
     right /= np.linalg.norm(right)
@@ -122,8 +122,10 @@ def test_the_camera_sees_robot_and_person(aspect):
     depth = off @ forward
     assert (depth > 0).all()
     high = np.abs(off @ up) / depth
-    wide = np.abs(off @ right) / depth
+    wide = off @ right / depth / np.tan(theme.FOV / 2) * size[1] / 2  # px
     assert high.max() < np.tan(theme.FOV / 2)
-    assert wide.max() < np.tan(theme.FOV / 2) * aspect
+    assert wide.min() > -size[0] / 2
+    panel = theme.PANEL if size[0] > 576 else 0
+    assert wide.max() < size[0] / 2 - panel
     across = (robot.mean(axis=0) - person.mean(axis=0)) @ right
     assert abs(across) > 0.5  # side by side, not one behind the other
