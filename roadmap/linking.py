@@ -13,27 +13,24 @@ its options, and what is kept is dropped when a source changes (`kernel_cache.py
 name has one meaning.
 
 What is kept on disk has numba's own form and is loaded by numba alone; processes take
-turns to write it (`cache_lock.py`).
+turns to write it (`kept_code.py`).
 """
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import version_info
-from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
-from roadmap.cache_lock import save_in_turn
-from roadmap.kept_code import undisturbed
+from roadmap.kept_code import save_in_turn, undisturbed
 from roadmap.lowering import keep_values, reach_elements_directly
+from roadmap.passes import LoopPasses, quick
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 from roadmap.wrapper import use_small_wrappers
 
@@ -51,17 +48,6 @@ KNOWN = (0, 62) <= version_info.short <= (0, 68)
 save_in_turn()
 
 
-@contextmanager
-def _untold() -> Iterator[None]:
-    """Tell nobody when LLVM and each pass begin and end: a tenth of a small loop."""
-    kept = event.start_event, event.end_event
-    event.start_event = event.end_event = lambda *given, **more: None
-    try:
-        yield
-    finally:
-        event.start_event, event.end_event = kept
-
-
 class LoopCompiler(CompilerBase):
     """Numba's own pipeline, with a library of ours to link and optimise in."""
 
@@ -75,7 +61,7 @@ class LoopCompiler(CompilerBase):
 
     def compile_extra(self, func: object) -> object:
         """Compile a function; Ctrl-C waits until that is done."""
-        with undisturbed(), _untold():
+        with undisturbed(), quick():
             return super().compile_extra(func)
 
     def define_pipelines(self) -> list:
@@ -93,7 +79,7 @@ class LoopCompiler(CompilerBase):
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         if KNOWN:
             keep_values(passes)
-            passes = SharedFlagsPasses(passes)
+            passes = SharedFlagsPasses(LoopPasses(passes))
         return [passes]
 
 
