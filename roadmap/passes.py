@@ -65,7 +65,7 @@ def _variables(parts: Iterable) -> list[ir.Var]:
     return found
 
 
-_QUICK = (
+_QUICK: tuple = (
     (ir.Expr, "list_vars", _of_expression),
     (ir.Stmt, "list_vars", _of_statement),
     (postproc.PostProcessor, "run", _process),
@@ -76,15 +76,20 @@ _QUICK = (
 
 
 @contextmanager
-def quick() -> Iterator[None]:
-    """Let numba compile in here as in this file, and tell nobody of each step."""
-    kept = [getattr(owner, name) for owner, name, _ in _QUICK]
-    for owner, name, ours in _QUICK:
+def quick(*more: tuple) -> Iterator[None]:
+    """Let numba compile in here as in this file, and tell nobody of each step.
+
+    Args:
+        more: Further (owner, name, what to take instead).
+    """
+    wanted = _QUICK + more
+    kept = [getattr(owner, name) for owner, name, _ in wanted]
+    for owner, name, ours in wanted:
         setattr(owner, name, ours)
     try:
         yield
     finally:
-        for (owner, name, _), plain in zip(_QUICK, kept, strict=True):
+        for (owner, name, _), plain in zip(wanted, kept, strict=True):
             setattr(owner, name, plain)
 
 
