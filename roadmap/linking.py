@@ -17,6 +17,7 @@ turns to write it (`kept_code.py`).
 """
 
 import re
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -61,7 +62,8 @@ class LoopCompiler(CompilerBase):
 
     def compile_extra(self, func: object) -> object:
         """Compile a function; Ctrl-C waits until that is done."""
-        with undisturbed(), quick((Compiler, "define_pipelines", _pipelines_of_numba)):
+        others = Compiler, "define_pipelines", _pipelines_of_numba
+        with undisturbed(), quick(others) if KNOWN else nullcontext():
             return super().compile_extra(func)
 
     def define_pipelines(self) -> list:
@@ -83,7 +85,7 @@ _numbas = Compiler.define_pipelines
 def _pipelines_of_numba(self: Compiler) -> list:
     """Return the pipeline of what our loops call of numba's own: no door, no code."""
     state = self.state
-    if not KNOWN or state.flags.force_pyobject:
+    if state.flags.force_pyobject:
         return _numbas(self)
     state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = True
     _into_library(state, has_wrapper=False, is_ours=False)
