@@ -1,17 +1,27 @@
-"""Machine code of compiled loops: loaded before a first call, made undisturbed.
+"""Machine code of compiled loops: loaded before a call, made undisturbed, listed.
 
 Ctrl-C in the middle of the compiler leaves what numba and LLVM have noted half noted:
 in a notebook no loop is compiled any more, or the process crashes. So it is raised when
 a loop is done; a second one is raised at once. (A command has a handler of its own.)
+
+Numba keeps a list beside each loop: types, and the file that holds their machine code.
+It reads the list, takes the next free number, writes the list, then the file, and locks
+nothing. Two processes that compile the loop for other types at the same moment take the
+same number, and the list then names the machine code of other types. Ours compile ahead
+with all cores, so they take turns.
 """
 
 import signal
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import wraps
+from pathlib import Path
 
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+
+_LOCK = "numba.lock"  # beside the machine code; empty
 
 
 class KeptTypes(IndexDataCacheFile):
@@ -69,3 +79,38 @@ def load_kept(loops: Iterable[Dispatcher]) -> int:
                 loop.compile(types)
                 loaded += 1
     return loaded
+
+
+def save_in_turn() -> None:
+    """Let whatever numba keeps from now on be listed by one process at a time."""
+    plain = IndexDataCacheFile.save
+    if getattr(plain, "is_in_turn", False):
+        return
+
+    @wraps(plain)
+    def save(self: IndexDataCacheFile, key: object, data: object) -> None:
+        with _turn(Path(self._cache_path)):
+            plain(self, key, data)
+
+    vars(save)["is_in_turn"] = True
+    IndexDataCacheFile.save = save
+
+
+@contextmanager
+def _turn(folder: Path) -> Iterator[None]:
+    """Wait until no other process or thread is in such a block for the folder.
+
+    A process that ends, however it does, leaves it. Where the system has no such locks,
+    or the folder cannot be written, nobody waits.
+    """
+    file = None
+    with suppress(ImportError, OSError):
+        import fcntl
+
+        file = (folder / _LOCK).open("a")
+        fcntl.flock(file, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if file is not None:
+            file.close()

@@ -13,27 +13,25 @@ its options, and what is kept is dropped when a source changes (`kernel_cache.py
 name has one meaning.
 
 What is kept on disk has numba's own form and is loaded by numba alone; processes take
-turns to write it (`cache_lock.py`).
+turns to write it (`kept_code.py`).
 """
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import NamedTuple
+from contextlib import nullcontext
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import version_info
-from numba.core import event
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
-from roadmap.cache_lock import save_in_turn
-from roadmap.kept_code import undisturbed
+from roadmap.kept_code import save_in_turn, undisturbed
 from roadmap.lowering import keep_values, reach_elements_directly
+from roadmap.passes import LoopPasses, quick
 from roadmap.type_lookup import LookupContext, SharedFlagsPasses
 from roadmap.wrapper import use_small_wrappers
 
@@ -51,17 +49,6 @@ KNOWN = (0, 62) <= version_info.short <= (0, 68)
 save_in_turn()
 
 
-@contextmanager
-def _untold() -> Iterator[None]:
-    """Tell nobody when LLVM and each pass begin and end: a tenth of a small loop."""
-    kept = event.start_event, event.end_event
-    event.start_event = event.end_event = lambda *given, **more: None
-    try:
-        yield
-    finally:
-        event.start_event, event.end_event = kept
-
-
 class LoopCompiler(CompilerBase):
     """Numba's own pipeline, with a library of ours to link and optimise in."""
 
@@ -75,26 +62,42 @@ class LoopCompiler(CompilerBase):
 
     def compile_extra(self, func: object) -> object:
         """Compile a function; Ctrl-C waits until that is done."""
-        with undisturbed(), _untold():
+        others = Compiler, "define_pipelines", _pipelines_of_numba
+        with undisturbed(), quick(others) if KNOWN else nullcontext():
             return super().compile_extra(func)
 
     def define_pipelines(self) -> list:
         """Return the one pipeline; what it compiles goes into our library."""
         state = self.state
-        if KNOWN and state.library is None:
-            library = LoopLibrary(
-                state.targetctx.codegen(), state.func_id.func_qualname
-            )
-            library.has_wrapper = not (
-                state.flags.no_cpython_wrapper and state.flags.no_cfunc_wrapper
-            )
-            library.enable_object_caching()
-            state.library = library
+        if not KNOWN:
+            return [DefaultPassBuilder.define_nopython_pipeline(state)]
+        flags = state.flags
+        has_wrapper = not (flags.no_cpython_wrapper and flags.no_cfunc_wrapper)
+        _into_library(state, has_wrapper=has_wrapper, is_ours=True)
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
-        if KNOWN:
-            keep_values(passes)
-            passes = SharedFlagsPasses(passes)
-        return [passes]
+        keep_values(passes)
+        return [SharedFlagsPasses(LoopPasses(passes))]
+
+
+_numbas = Compiler.define_pipelines
+
+
+def _pipelines_of_numba(self: Compiler) -> list:
+    """Return the pipeline of what our loops call of numba's own: no door, no code."""
+    state = self.state
+    if state.flags.force_pyobject:
+        return _numbas(self)
+    state.flags.no_cpython_wrapper = state.flags.no_cfunc_wrapper = True
+    _into_library(state, has_wrapper=False, is_ours=False)
+    return [LoopPasses(DefaultPassBuilder.define_nopython_pipeline(state))]
+
+
+def _into_library(state: Any, **kind: bool) -> None:
+    if state.library is None:
+        name = state.func_id.func_qualname
+        state.library = LoopLibrary(state.targetctx.codegen(), name)
+        state.library.enable_object_caching()
+        vars(state.library).update(kind)
 
 
 class MachineCode(NamedTuple):
@@ -164,9 +167,11 @@ class LoopLibrary(JITCodeLibrary):
 
     Attributes:
         has_wrapper: Whether Python calls it.
+        is_ours: Whether it may have machine code of its own: a loop of numba's is
+            linked into loops of others, too, which know of no code beside theirs.
     """
 
-    has_wrapper = True
+    has_wrapper = is_ours = True
     _final_module: llvm.ModuleRef
     _own: frozenset[str] = frozenset()  # functions of its own
     _calls: tuple[str, ...] = ()  # loops whose machine code its own calls
@@ -225,7 +230,8 @@ class LoopLibrary(JITCodeLibrary):
             if external and not function.is_declaration:
                 function.linkage = "linkonce_odr"
         self._shared_module = shared
-        self._own &= {name for name, large in _large_in(shared).items() if large}
+        large = {name for name, large in _large_in(shared).items() if large}
+        self._own &= large if self.is_ours else set()
         variables = {
             g.name for g in module.global_variables if g.linkage == llvm.Linkage.common
         }

@@ -26,11 +26,7 @@ from llvmlite.ir import instructions
 from numba import types
 from numba.core import callconv, cgutils
 from numba.core import ir as numba_ir
-from numba.core.analysis import (
-    compute_cfg_from_blocks,
-    compute_use_defs,
-    must_use_alloca,
-)
+from numba.core.analysis import must_use_alloca
 from numba.core.base import BaseContext
 from numba.core.callconv import CPUCallConv, TryStatus, excinfo_t
 from numba.core.compiler_machinery import PassManager, register_pass
@@ -524,8 +520,8 @@ class _Lower(Lower):
             return
         blocks = self.blocks
         places = must_use_alloca(blocks)
-        sets = compute_use_defs(blocks)
-        dominators = compute_cfg_from_blocks(blocks).dominators()
+        lifetime = self.func_ir.variable_lifetime
+        sets, dominators = lifetime.usedefs, lifetime.cfg.dominators()
         assigned: dict[str, list[int]] = {}
         used: dict[str, set[int]] = {}
         for at, block in blocks.items():

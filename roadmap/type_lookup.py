@@ -14,16 +14,37 @@ from numba import types
 from numba.core.compiler import Flags
 from numba.core.compiler_machinery import PassManager
 from numba.core.targetconfig import ConfigStack
+from numba.core.types.functions import BaseFunction
 from numba.core.typing import BaseContext, Signature
 
-# Types whose look-up costs little; a literal is of its own class, and not among them.
-_PLAIN = {types.Integer, types.Float, types.Boolean, types.Array}
+# Types whose look-up costs little, also as an index, a constant or a range.
+_PLAIN = {
+    types.Integer, types.Float, types.Boolean, types.Array, types.UniTuple, types.Tuple,
+    types.IntegerLiteral, types.BooleanLiteral, types.RangeType, types.NumberClass,
+}  # fmt: skip
 
 _signatures: dict[tuple, Signature] = {}
+_looked_up = BaseFunction.get_call_type  # numba's own
+
+
+def call_type(
+    self: BaseFunction, context: BaseContext, args: tuple, kws: dict
+) -> Signature:
+    """Return the types of a call of a function of numba's, looked up once."""
+    if kws or not _PLAIN.issuperset(map(type, args)):
+        return _looked_up(self, context, args, kws)
+    key = self, tuple(args)
+    signature = _signatures.get(key)
+    if signature is None:
+        signature = _looked_up(self, context, args, kws)
+        # one that numba compiles depends on the options, and is asked for anew
+        if self.get_impl_key(signature) is self.typing_key:
+            _signatures[key] = signature
+    return signature
 
 
 class LookupContext:
-    """Numba's typing context; it remembers operators, and hands loops no constants."""
+    """Numba's typing context; it hands loops no constants."""
 
     def __init__(self, context: BaseContext) -> None:
         self._context = context
@@ -39,18 +60,7 @@ class LookupContext:
         if isinstance(func, types.Dispatcher):
             args = tuple(_number(a) for a in args)
             kws = {name: _number(a) for name, a in dict(kws).items()}
-            return self._context.resolve_function_type(func, args, kws)
-        plain = not kws and not {type(a) for a in args} - _PLAIN
-        if not (isinstance(func, types.Function) and plain):
-            return self._context.resolve_function_type(func, args, kws)
-        key = func, args
-        signature = _signatures.get(key)
-        if signature is None:
-            signature = self._context.resolve_function_type(func, args, kws)
-            # one that numba compiles depends on the options, and is asked for anew
-            if signature and func.get_impl_key(signature) is func.typing_key:
-                _signatures[key] = signature
-        return signature
+        return self._context.resolve_function_type(func, args, kws)
 
 
 def _number(one: types.Type) -> types.Type:

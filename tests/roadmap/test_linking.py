@@ -226,3 +226,14 @@ def test_a_loop_that_counts_references_gives_back_every_array(raises, monkeypatc
     assert isinstance(_library(total), linking.LoopLibrary)
     if not raises:  # numba itself gives nothing back where an error passes
         assert after.alloc - before.alloc == after.free - before.free > 0
+
+
+def test_what_our_loops_call_of_numba_is_whole_for_loops_of_others():
+    """These are kept without the machine code that ours have beside theirs."""
+    a = np.arange(60, 0, -1, dtype=np.int16)
+
+    def first(a):
+        return np.argsort(a)[0]
+
+    assert njit(**(_FROM_PYTHON | {"_nrt": True}))(first)(a) == 59
+    assert njit(first)(a) == 59

@@ -269,9 +269,10 @@ def test_arrays_of_groups_are_counted_one_by_one():
     loop, nest = njit(**FULL | FRESH)(_member), _nest()
     on = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
     for k in (0, 1, 2, 0, 3):
         assert np.array_equal(loop(nest, k), _member(nest, k))
-    left = rtsys.get_allocation_stats()
-    assert left.alloc == left.free and left.mi_alloc == left.mi_free
+    alloc, free, mi_alloc, mi_free = np.subtract(rtsys.get_allocation_stats(), before)
+    assert alloc == free and mi_alloc == mi_free and alloc > 0
     if not on:
         _nrt_python.memsys_disable_stats()

@@ -2,6 +2,7 @@
 
 import math
 import operator
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -11,8 +12,9 @@ from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 from numba.core.typing import BaseContext
 
+from roadmap import type_lookup
 from roadmap.jit_options import BARE, FULL, LEAN
-from roadmap.type_lookup import LookupContext, SharedFlagsPasses
+from roadmap.type_lookup import SharedFlagsPasses, call_type
 
 FRESH = {"cache": False}
 _NUMBERS = types.int8, types.int64, types.uint64, types.float32, types.float64
@@ -25,10 +27,10 @@ def context() -> BaseContext:
     return cpu_target.typing_context
 
 
-def _made_of(context, function, args):
+def _made_of(look_up, context, function, args):
     """Return the types of a call, and what it is lowered by; None if there is none."""
     try:
-        signature = context.resolve_function_type(function, args, {})
+        signature = look_up(function, context, args, {})
     except Exception as error:
         return type(error)
     return signature, function.get_impl_key(signature)
@@ -36,35 +38,32 @@ def _made_of(context, function, args):
 
 @pytest.mark.parametrize("function", _OPERATORS)
 def test_operators_of_numbers_are_those_of_numba(context, function):
-    ours, known = LookupContext(context), context.resolve_value_type(function)
+    known, plain = context.resolve_value_type(function), type_lookup._looked_up
     given = [(a, b) for a in _NUMBERS for b in (*_NUMBERS, types.boolean)]
     if function is math.sqrt:
         given = [(a,) for a in _NUMBERS]
     for args in given:
-        expected = _made_of(context, known, args)
-        assert _made_of(ours, known, args) == expected
-        assert _made_of(ours, known, args) == expected  # remembered, or refused again
+        expected = _made_of(plain, context, known, args)
+        for _ in range(2):  # the second time it is remembered, or refused again
+            assert _made_of(call_type, context, known, args) == expected
 
 
-def test_a_sum_is_asked_for_once(context):
-    asked = []
+def test_a_sum_is_asked_for_once(context, monkeypatch):
+    asked, plain = [], type_lookup._looked_up
 
-    class Counting:
-        def __getattr__(self, name):
-            return getattr(context, name)
+    def count(function, *given):
+        asked.append(given)
+        return plain(function, *given)
 
-        def resolve_function_type(self, *given):
-            asked.append(given)
-            return context.resolve_function_type(*given)
-
-    ours, add = LookupContext(Counting()), context.resolve_value_type(operator.add)
+    monkeypatch.setattr(type_lookup, "_looked_up", count)
+    item, size = map(context.resolve_value_type, (operator.getitem, len))
     odd = types.Array(types.int16, 7, "A")  # nobody has asked for its items
-    item = context.resolve_value_type(operator.getitem)
+    group = types.NamedTuple((types.intp,), namedtuple("Group", "a"))
     for _ in range(3):
-        ours.resolve_function_type(item, (odd, types.intp), {})
+        call_type(item, context, (odd, types.IntegerLiteral(-7)), {})
     assert len(asked) == 1
-    for _ in range(3):  # tuples are never remembered
-        ours.resolve_function_type(add, (types.UniTuple(types.intp, 2),) * 2, {})
+    for _ in range(3):  # groups are never remembered
+        call_type(size, context, (group,), {})
     assert len(asked) == 4
 
 
