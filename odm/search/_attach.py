@@ -134,8 +134,8 @@ def leads_on(state, v, of_start):
     """Return True where a motion between node v and the start, or a goal, may help now.
 
     A search that has no path knows all that is reached from the start, or from the
-    goal. A motion helps where it joins what the one reaches with what it does not. Where
-    nothing leaves the start, or enters a goal, only motions there can help.
+    goal. A motion helps where it joins what the one reaches with what it does not.
+    Where nothing leaves the start, or enters a goal, only motions there can help.
     """
     numbers, search = view(state, "numbers"), view(state, "search")
     side, run = numbers.exhausted[0], numbers.run[0]

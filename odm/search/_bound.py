@@ -201,8 +201,8 @@ def keep_proof(state, starts, start_vertex, g, entry):
         proof.item[i] = search.hit[i]
     proof.count[N_ITEMS], proof.count[N_NODES] = items, count
     proof.count[RUN], proof.count[SIDE] = numbers.run[0], numbers.exhausted[0]
-    if entry >= 0 and search.memo.shape[0] > view(state, "rules").large[0]:
-        proof.count[RUN] = -1  # it may have been greedy: what it closed is no bound
+    if entry >= 0 and search.hasty[0] == 1:
+        proof.count[RUN] = -1  # what it closed is no bound
     proof.of[0], proof.of[1] = start_vertex, goals.vertex[g]
     proof.of[2], proof.of[3] = starts.count[0], goals.number[g]
 

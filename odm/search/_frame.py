@@ -202,7 +202,7 @@ def plan(state, starts, start_vertex, most, last):
         any_start = judge_starts(state, starts)  # the close test was asked of some
         can_enter = judge_goal(state, g)
         if any_start and can_enter and held != NO_WAY:
-            entry = a_star(state, starts, g)
+            entry = a_star(state, starts, g, False)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
@@ -221,7 +221,7 @@ def plan(state, starts, start_vertex, most, last):
                 continue
             any_start = True
             if offered == SEARCH:
-                entry = a_star(state, starts, g)
+                entry = a_star(state, starts, g, not can_enter)
             leaves = entry >= 0 or can_leave(state, starts)
         keep_run(state, starts, start_vertex, g, entry, run)
         if take_entry(state, starts, entry, start_vertex):
@@ -236,7 +236,7 @@ def plan_jointly(state, starts, start_vertex, any_start, most):
     """Search to all goals by their costs; True where `found_path` is a path."""
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
+    entry = a_star(state, starts, np.int64(-1), False)  # compiled once, as an int64
     return take_entry(state, starts, entry, start_vertex)
 
 
