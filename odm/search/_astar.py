@@ -35,7 +35,7 @@ BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
 GLANCE_AFTER = 4  # and before it takes a first look, where cells block the goal
 # vertices closed before a path over where both sides met is taken, and to such a goal
-MET_AFTER, MET_SHUT_AFTER = 500, 128
+MET_AFTER, MET_SHUT_AFTER = 500, 256
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
