@@ -114,6 +114,8 @@ class TightEnds:
 
     def _use(self, goals: np.ndarray) -> bool:
         """Let the search end at these goals from the next frame on."""
+        for q in goals:  # joined here, where there is time, the frame finds it so
+            self.attacher.prepare(q)
         self._goals, self._beside, self._asked = self.attacher.goals, goals, b""
         self.is_on = self.decision.is_tight = True
         return True
