@@ -34,8 +34,7 @@ BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bo
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
 GLANCE_AFTER = 4  # and before it takes a first look, where cells block the goal
-# vertices closed before a path over where both sides met is taken, and to such a goal
-MET_AFTER, MET_SHUT_AFTER = 500, 256
+MET_AFTER = 256  # ... and before a path to it, over where both sides met, is taken
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
@@ -385,7 +384,6 @@ def a_star(state, starts, only, shut):
     numbers.avoid_history[0] = 1 if avoid_history else 0
     add_starts(state, starts, h, low, high)
     search.tail[0], search.met[0], search.hasty[0] = NOT_BEGUN, -1, 0
-    met_after = MET_SHUT_AFTER if shut else MET_AFTER
     many = tests_worth_refreshing(state)
     bound = math.inf  # no longer path is of interest
     popped, greed, large = 0, 1.0, view(state, "rules").large[0]
@@ -442,7 +440,7 @@ def a_star(state, starts, only, shut):
             if flood(state, starts, low, high):
                 numbers.exhausted[0] = GOAL_SIDE
                 break
-        if popped >= met_after and search.met[0] >= 0 and only >= 0:
+        if shut and popped >= MET_AFTER and search.met[0] >= 0:
             met = take_met(state, only)
             if met >= 0:
                 numbers.exhausted[0], search.hasty[0] = 0, 1
