@@ -8,7 +8,9 @@ cells pays a toll when it comes out, and waits anew; so the first that is paid a
 is the shortest, tolls included, in one search.
 In a large map a long search is content with a path that is not much longer.
 From the goal's side a flood runs along once the search takes longer than usual: a
-goal (or a start) that is walled in is known when the smaller side is exhausted.
+goal (or a start) that is walled in is known when the smaller side is exhausted. To a
+goal that the cells block, which the cost to go knows nothing of, a long search takes
+the path over where both sides met.
 """
 
 import math
