@@ -17,6 +17,8 @@ from odm.search._invalidation import MANY_TESTS
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import tool_pose
 
+take_met = with_wrapper(take_met)
+
 NO_MOTION = -4
 SETTINGS = PlannerSettings(start_connections=1, close_test_connections=0)
 
@@ -117,7 +119,7 @@ def test_a_long_search_of_a_large_map_is_content_with_a_little_longer(wide_map, 
 
 def test_a_path_over_where_both_sides_met_is_free_all_the_way(wide_map, rng):
     """As a search takes it to a goal that the cells block."""
-    nodes, take, met = wide_map.roadmap.nodes, with_wrapper(take_met), 0
+    nodes, met = wide_map.roadmap.nodes, 0
     for a, b in ends(wide_map, rng, 12):
         planner = standing_at_nodes(wide_map, a, b)
         for k in range(0, 20, 4):
@@ -125,7 +127,7 @@ def test_a_path_over_where_both_sides_met_is_free_all_the_way(wide_map, rng):
             m, s = planner.memory, planner.memory.search
             if m.stats.runs.item() == 0 or s.met.item() < 0:
                 continue
-            entry = take(m.table, 0)
+            entry = take_met(m.table, 0)
             length, v, edges = s.e_g[entry], b, []
             entry = s.e_from[entry]  # a motion of no length leads into the goal
             while s.e_from[entry] >= 0:
