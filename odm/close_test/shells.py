@@ -156,24 +156,32 @@ class Shells:
         now, step = np.zeros(self._free.shape), m
         if not (self.sweep(q, q) and self._known):
             return now + np.inf
+        self.apart(TOUCH)
+        touching = ~self._free
         while step > 0.5 * TOUCH:  # by halves, true from below
-            self.apart(now + step)
+            self.apart(np.where(touching, -np.inf, now + step))
             now[self._free] += step
             step *= 0.5
         need = np.minimum(m, np.maximum(now - ESCAPE_SLACK, 0.5 * now))
-        return np.where(now > TOUCH, need, -np.inf)
+        return np.where(touching | (now <= TOUCH), -np.inf, need)
 
     def leave(self, q: np.ndarray, dq: np.ndarray, needs: np.ndarray) -> bool:
         """Whether all links keep what they need on q + t dq, t in [0, 1]; proved.
 
-        What is not proved is halved, until it bends by half of what may be lost.
+        What is not proved is halved, until it bends by half of what may be lost; what
+        was proved of the whole is not asked of its halves.
         """
+        lost = np.min(needs, initial=ESCAPE_SLACK, where=needs > 0.0)
+        return self._known and self._leave(q, dq, needs, lost)
+
+    def _leave(
+        self, q: np.ndarray, dq: np.ndarray, needs: np.ndarray, lost: float
+    ) -> bool:
         if not self.sweep(q, q + dq):
             return False
         if self.apart(needs):
             return True
-        lost = np.min(needs, initial=ESCAPE_SLACK, where=needs > 0.0)
-        if self._second.max(initial=0.0) / 8.0 <= 0.5 * lost or not self._known:
+        if self._second.max(initial=0.0) / 8.0 <= 0.5 * lost:
             return False
-        half = 0.5 * dq
-        return self.leave(q, half, needs) and self.leave(q + half, half, needs)
+        half, left = 0.5 * dq, np.where(self._free, -np.inf, needs)
+        return all(self._leave(begin, half, left, lost) for begin in (q, q + half))

@@ -1,5 +1,7 @@
 """Motions against the frame by the links' own hulls, where the cover refuses them."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from odm.close_test._close import place_anchor
@@ -58,10 +60,33 @@ class LinkTest:
         place_anchor(frame.memory.arm, q, work)
         points, balls = frame.points[: frame.n_given], work.anchor
         if len(points):
-            from scipy.spatial.distance import cdist
-
-            low, high = (balls.T - radii).min(axis=1), (balls.T + radii).max(axis=1)
-            points = points[((low <= points) & (points <= high)).all(axis=1)]
-            points = points[(cdist(points, balls) < radii).any(axis=1)]
+            points = _near(points, balls, radii, frame.memory.arm.body_ptr.tolist())
         self.shells.show(Hulls.of(points, frame.solids))
         return len(points)
+
+
+def _near(
+    points: np.ndarray, balls: np.ndarray, radii: np.ndarray, body_ptr: list[int]
+) -> np.ndarray:
+    """Return the points (n, 3) that are within `radii` (k,) of `balls` (k, 3) [m].
+
+    Those of body b are number body_ptr[b] to body_ptr[b + 1] - 1.
+    """
+    low, high = balls - radii[:, None], balls + radii[:, None]
+    points = points[_in_box(points.T, low, high)]
+    columns, near = np.ascontiguousarray(points.T), np.zeros(len(points), bool)
+    for a, b in pairwise(body_ptr):
+        if a < b:
+            some = _in_box(columns, low[a:b], high[a:b])
+            off = points[some, None] - balls[a:b]
+            away = np.einsum("ijk,ijk->ij", off, off)
+            near[some] |= (away < radii[a:b] ** 2).any(axis=1)
+    return points[near]
+
+
+def _in_box(columns: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return which of the points (3, n) are in the box around boxes (k, 3) [m]."""
+    some = np.arange(columns.shape[1])
+    for x, a, b in zip(columns, low.min(axis=0), high.max(axis=0), strict=True):
+        some = some[(a <= x[some]) & (x[some] <= b)]
+    return some

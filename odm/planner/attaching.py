@@ -64,7 +64,9 @@ class Attacher:
         self._for_goals = wanted.goal_connections
         self._for_starts = wanted.start_connections
         self._resize()
-        self.kept = CachedGoals(frame.memory.goals, wanted.cached_goals)
+        # goals and the places beside them take turns
+        tight = self.settings.kept_tight if wanted.tight_ends else 0
+        self.kept = CachedGoals(frame.memory.goals, max(wanted.cached_goals, tight))
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
         self._to_robot = np.zeros(self.roadmap.n_nodes)

@@ -53,8 +53,7 @@ class Retreat:
         if now > s.near:
             return None
         best, found = now + s.min_gain, None
-        escape = self._place_anchor(q)
-        links_leave = self._links_leave(q) if escape else None
+        escape, leave = self._place_anchor(q), None
         for node in self.attacher.nearest(q, s.tried):
             dq = frame.difference(q, frame.cell_map.roadmap.nodes[node])
             for share in s.shares:
@@ -62,8 +61,11 @@ class Retreat:
                 gap = frame.separation(end)
                 if gap <= best:
                     continue
-                clear = self._is_clear(q, share * dq, escape)
-                if clear and (links_leave is None or links_leave(share * dq)):
+                if not self._is_clear(q, share * dq, escape):
+                    continue
+                if escape and leave is None:
+                    leave = self._links_leave(q)
+                if leave is None or leave(share * dq):
                     best, found = gap, np.stack([q, end])
                     break
         return found

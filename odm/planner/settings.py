@@ -106,6 +106,8 @@ class AttachSettings(CheckedSettings):
             anew,
         rejoin_idle_in: ... or, between frames, with a path that could be followed.
         jump: A robot that moved farther than this in a frame has jumped [rad or m].
+        kept_tight: `PlannerSettings.cached_goals` at least, with tight ends: each time
+            that one is used, or no more, the search gets other goals.
     """
 
     looked_at: int = setting(4, 1, 10_000)
@@ -121,6 +123,7 @@ class AttachSettings(CheckedSettings):
     rejoin_in: int = setting(3, 1, 10_000)
     rejoin_idle_in: int = setting(12, 1, 10_000)
     jump: float = setting(0.2, 0.0, 10.0, "rad or m")
+    kept_tight: int = setting(8, 0, 10_000)
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,8 @@ class TightEnds:
 
     def _use(self, goals: np.ndarray) -> bool:
         """Let the search end at these goals from the next frame on."""
+        for q in goals:  # joined here, where there is time, the frame finds it so
+            self.attacher.prepare(q)
         self._goals, self._beside, self._asked = self.attacher.goals, goals, b""
         self.is_on = self.decision.is_tight = True
         return True
@@ -140,12 +142,14 @@ class TightEnds:
 
     def _begin_from(self, q: np.ndarray, beside_goals: np.ndarray) -> np.ndarray | None:
         """Return q, or a place beside it; None: there is none."""
-        free, most = not self._is_refused(q), self.settings.most_goals
+        s, free = self.settings, not self._is_refused(q)
         if not (free and self.path.locate(q)[0] >= 0):
             # a robot on its way into a goal is beside that goal's place, or near it
-            near = [g for g in self._goals[:most] if self._is_near(q, g)]
+            near = [g for g in self._goals[: s.most_goals] if self._is_near(q, g)]
             for place in (self._begin, *beside_goals, *near):
-                if np.isfinite(place).all() and self._passes(q, place):
+                # a climb leads no farther, and by the hulls a long motion takes 0.1 s
+                apart = np.linalg.norm(self.frame.difference(q, place))
+                if apart <= s.rounds * s.step and self._passes(q, place):
                     return place.copy()
         self._begin[:] = np.nan
         return q if free else None

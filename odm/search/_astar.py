@@ -8,7 +8,9 @@ cells pays a toll when it comes out, and waits anew; so the first that is paid a
 is the shortest, tolls included, in one search.
 In a large map a long search is content with a path that is not much longer.
 From the goal's side a flood runs along once the search takes longer than usual: a
-goal (or a start) that is walled in is known when the smaller side is exhausted.
+goal (or a start) that is walled in is known when the smaller side is exhausted. To a
+goal that the cells block, which the cost to go knows nothing of, a long search takes
+the path over where both sides met.
 """
 
 import math
@@ -33,6 +35,8 @@ from roadmap.jit_options import INNER
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
+GLANCE_AFTER = 4  # and before it takes a first look, where cells block the goal
+MET_AFTER = 256  # ... and before a path to it, over where both sides met, is taken
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
@@ -261,13 +265,21 @@ def begin_flood(state, low, high):
                 continue
             if not goal_motion_free(state, g, a) and goals.memo[g, a] != maybe:
                 continue
-            if search.done[w] == run:
-                search.tail[0] = OVER
+            if item_free(state, w) and reach(state, w, -1):
                 return
-            if item_free(state, w):
-                search.flood[w] = run
-                search.queue[search.tail[0]] = w
-                search.tail[0] += 1
+
+
+@njit(**INNER)
+def reach(state, w, edge):
+    """Let the flood reach a free node over a free edge; True where the search was."""
+    search, run = view(state, "search"), view(state, "numbers").run[0]
+    search.flood[w], search.flood_edge[w] = run, edge
+    if search.done[w] == run:
+        search.met[0], search.tail[0] = w, OVER
+        return True
+    search.queue[search.tail[0]] = w
+    search.tail[0] += 1
+    return False
 
 
 @njit(**INNER)
@@ -289,12 +301,38 @@ def flood_step(state):
                 continue
         elif not item_free(state, w) or not item_free(state, item):
             continue
-        if search.done[w] == run:
-            search.tail[0] = OVER
+        if reach(state, np.int64(w), graph.adj_edge[k]):
             return
-        search.flood[w] = run
-        search.queue[search.tail[0]] = w
-        search.tail[0] += 1
+
+
+@njit(**INNER)
+def take_met(state, g):
+    """Return the heap entry of goal g by way of where both sides met, or -1.
+
+    What the search closed and the flood reached is free; so is all of that path, if
+    the motion into the goal is.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    graph = view(state, "graph")
+    v, n = search.met[0], graph.adj_ptr.shape[0] - 1
+    search.met[0] = -1
+    entry = np.int64(search.entry[v])
+    while search.flood_edge[v] >= 0:
+        k = graph.adj_ptr[v]
+        while graph.adj_edge[k] != search.flood_edge[v]:
+            k += 1
+        if search.made[0] + 2 > search.e_node.shape[0]:
+            return -1
+        v, ref = np.int64(graph.adj_node[k]), EDGE_BASE - graph.adj_edge[k]
+        length = search.e_g[entry] + graph.adj_length[k]
+        add_entry(search, v, ref, entry, length, math.inf)
+        entry = search.made[0] - 1
+    a = goals.at[g, v]
+    if not goal_motion_free(state, g, a) and not goal_motion_clear(state, g, a):
+        return -1
+    length = search.e_g[entry] + goals.length[g, a] + goals.cost[g]
+    add_entry(search, n + g, -2 - a, entry, length, math.inf)
+    return search.made[0] - 1
 
 
 @njit(**INNER)
@@ -327,9 +365,10 @@ def flood(state, starts, low, high):
 
 
 @njit(**INNER)
-def a_star(state, starts, only):
+def a_star(state, starts, only, shut):
     """Search from the robot by its start motions to goal `only` (-1: any, with costs).
 
+    `shut`: cells block all motions into it, so that its side may be a small one.
     starts.memo holds the frame's verdict of each start motion: free, or maybe, then
     the close test is asked when the motion comes out first; others are left out. So it
     is with the motions into a goal. Returns the heap entry of the goal, or -1.
@@ -346,7 +385,7 @@ def a_star(state, starts, only):
     avoid_history = numbers.avoid_history[0] != 0
     numbers.avoid_history[0] = 1 if avoid_history else 0
     add_starts(state, starts, h, low, high)
-    search.tail[0] = NOT_BEGUN
+    search.tail[0], search.met[0], search.hasty[0] = NOT_BEGUN, -1, 0
     many = tests_worth_refreshing(state)
     bound = math.inf  # no longer path is of interest
     popped, greed, large = 0, 1.0, view(state, "rules").large[0]
@@ -376,7 +415,7 @@ def a_star(state, starts, only):
                 continue
         search.done[v] = run
         if v < n:
-            search.g[v] = search.e_g[entry]
+            search.g[v], search.entry[v] = search.e_g[entry], entry
         popped += 1
         if avoid_history and popped == TOLLED:
             avoid_history = False
@@ -394,13 +433,21 @@ def a_star(state, starts, only):
         enter_goals(state, entry, low, high, bound)
         if popped == GREEDY_AFTER and search.memo.shape[0] > large:
             grow_greedy(search)
-            greed = GREED
+            greed, search.hasty[0] = GREED, 1
         if not expand(state, entry, h, bound, greed):
             numbers.exhausted[0] = 0
             break
-        if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
+        floods = popped >= FLOOD_AFTER or (shut and popped == GLANCE_AFTER)
+        if floods and bound == math.inf and search.tail[0] != OVER:
             if flood(state, starts, low, high):
                 numbers.exhausted[0] = GOAL_SIDE
                 break
+        if shut and popped >= MET_AFTER and search.met[0] >= 0:
+            met = take_met(state, only)
+            if met >= 0:
+                numbers.exhausted[0], search.hasty[0] = 0, 1
+                stats.popped[0] += popped
+                remember_path(state, met, only)
+                return met
     stats.popped[0] += popped
     return -1

@@ -32,8 +32,9 @@ UNKNOWN, SHORTEST, NO_WAY = 0, 1, 2
 NEARLY = 1.001  # times the length of the shortest path counts as short as that
 BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
 N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
-# of a search without a path: `done`, or `flood`, tells all that is reached from there
-START_SIDE, GOAL_SIDE = 1, 2
+# of a search without a path: `done`, or `flood`, tells all that is reached from there;
+# or there was none, since no motion leaves the start, or none enters a goal
+START_SIDE, GOAL_SIDE, NO_EXIT_SIDE, NO_ENTRY_SIDE = 1, 2, 3, 4
 MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 
@@ -200,8 +201,8 @@ def keep_proof(state, starts, start_vertex, g, entry):
         proof.item[i] = search.hit[i]
     proof.count[N_ITEMS], proof.count[N_NODES] = items, count
     proof.count[RUN], proof.count[SIDE] = numbers.run[0], numbers.exhausted[0]
-    if entry >= 0 and search.memo.shape[0] > view(state, "rules").large[0]:
-        proof.count[RUN] = -1  # it may have been greedy: what it closed is no bound
+    if entry >= 0 and search.hasty[0] == 1:
+        proof.count[RUN] = -1  # what it closed is no bound
     proof.of[0], proof.of[1] = start_vertex, goals.vertex[g]
     proof.of[2], proof.of[3] = starts.count[0], goals.number[g]
 

@@ -15,6 +15,8 @@ from odm.obstacles._occupancy import clear, dilate_points, mark_more, place
 from odm.obstacles._solid_samples import FINE, lay_patterns, take_solids, write_samples
 from odm.search._astar import a_star
 from odm.search._bound import (
+    NO_ENTRY_SIDE,
+    NO_EXIT_SIDE,
     NO_WAY,
     SHORTEST,
     forget_proof,
@@ -169,11 +171,12 @@ def plan(state, starts, start_vertex, most, last):
     asked about `most` at either end. Where numbers.avoid_history is 1, cells where the
     obstacles have lately been cost a toll. True where `found_path` is a path.
     """
-    goals, joint = view(state, "goals"), view(state, "numbers").joint_costs[0] == 1
+    numbers, goals = view(state, "numbers"), view(state, "goals")
+    joint, shut = numbers.joint_costs[0] == 1, 0  # goals that no motion enters
     judged = any_start = False
-    view(state, "numbers").exhausted[0] = 0
+    numbers.exhausted[0] = 0
     leaves = True  # the start may be left by one of its motions
-    avoid_history = view(state, "numbers").avoid_history[0] == 1
+    avoid_history = numbers.avoid_history[0] == 1
     for g in range(goals.count[0] if joint else last):
         straight = judge_direct(state, g)
         # one that is to be wary of is but a path among others
@@ -191,7 +194,7 @@ def plan(state, starts, start_vertex, most, last):
         if joint:
             judge_goal(state, g)
             continue
-        entry, run = -1, view(state, "numbers").run[0]
+        entry, run = -1, numbers.run[0]
         held = what_holds(state, starts, start_vertex, g, goals.h[g])
         if held == SHORTEST and not avoid_history:
             write_shortest(state, starts, start_vertex, g)
@@ -199,7 +202,7 @@ def plan(state, starts, start_vertex, most, last):
         any_start = judge_starts(state, starts)  # the close test was asked of some
         can_enter = judge_goal(state, g)
         if any_start and can_enter and held != NO_WAY:
-            entry = a_star(state, starts, g)
+            entry = a_star(state, starts, g, False)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
@@ -210,17 +213,21 @@ def plan(state, starts, start_vertex, most, last):
             if offered == HOPELESS:
                 return False
             if offered == NO_ENTRY:
+                shut += 1
                 continue
             if offered == NO_EXIT:
+                numbers.exhausted[0] = NO_EXIT_SIDE
                 leaves = False
                 continue
             any_start = True
             if offered == SEARCH:
-                entry = a_star(state, starts, g)
+                entry = a_star(state, starts, g, not can_enter)
             leaves = entry >= 0 or can_leave(state, starts)
         keep_run(state, starts, start_vertex, g, entry, run)
         if take_entry(state, starts, entry, start_vertex):
             return True
+    if shut > 0 and shut == last:
+        numbers.exhausted[0] = NO_ENTRY_SIDE
     return joint and plan_jointly(state, starts, start_vertex, any_start, most)
 
 
@@ -229,7 +236,7 @@ def plan_jointly(state, starts, start_vertex, any_start, most):
     """Search to all goals by their costs; True where `found_path` is a path."""
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, starts, np.int64(-1))  # compiled once, as an int64
+    entry = a_star(state, starts, np.int64(-1), False)  # compiled once, as an int64
     return take_entry(state, starts, entry, start_vertex)
 
 

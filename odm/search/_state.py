@@ -167,8 +167,14 @@ class Search(NamedTuple):
     done: np.ndarray = array("i8", "n+goals", GOAL)
     # length of the path by which a node was closed, infinite: it is blocked
     g: np.ndarray = array("f8", "n", GOAL)
-    # run in which the goal's side reached a node
+    # entry by which a node was closed
+    entry: np.ndarray = array("i4", "n", FRAME)
+    # run in which the goal's side reached a node, and over which edge, -1: none
     flood: np.ndarray = array("i8", "n", GOAL)
+    flood_edge: np.ndarray = array("i4", "n", FRAME)
+    met: np.ndarray = array("i8", "1", FRAME)  # node where both sides met, -1: none
+    # 1: it took a path that need not be the shortest
+    hasty: np.ndarray = array("i8", "1", FRAME)
     queue: np.ndarray = array("i8", "n", FRAME)
     # run in which a node was reached by what is free, and the least length there
     near_run: np.ndarray = array("i8", "n", FRAME)

@@ -12,6 +12,7 @@ from odm.close_test._close import ESCAPE_SLACK
 from odm.close_test._shells import hulls_apart
 from odm.close_test.shells import TOUCH, Hulls, Shells
 from odm.planner.retreat import Retreat
+from odm.planner.settings import RetreatSettings
 
 BASE = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0, 0, 0, 0])
 OUT = 1.2e-3  # [m] a shell, or the prism around a cylinder, sticks out so far at most
@@ -60,6 +61,28 @@ def test_no_link_that_leaves_comes_nearer(planner, rng, kind):
     assert sum(told) > 10 and len(told) > sum(told)
 
 
+def test_what_was_proved_of_a_motion_is_not_asked_of_its_halves(planner, rng):
+    shells, halved = Shells(planner.robot), 0
+    apart, asked = shells.apart, []
+
+    def told(least):
+        answer = apart(least)
+        asked.append((np.broadcast_to(least, shells._free.shape), shells._free.copy()))
+        return answer
+
+    shells.apart = told
+    for _ in range(150):
+        q, dq = draw_valid(planner, rng), rng.normal(0.0, 0.6, planner.robot.dof)
+        shells.show(Hulls.of(rng.uniform(-0.6, 0.6, (8, 3)), solids_of([])))
+        needs = shells.needs(q, 0.01)
+        asked.clear()
+        shells.leave(q, dq, needs)
+        for (_, free), (least, _) in zip(asked[:1], asked[1:2], strict=False):
+            assert (np.isinf(least) | ~free).all() and (least == needs)[~free].all()
+            halved += 1
+    assert halved > 5
+
+
 def test_what_is_no_number_is_not_left(planner):
     shells, q = Shells(planner.robot), np.zeros(planner.robot.dof)
     for place, start in ((np.nan, 0.0), (5.0, np.nan), (5.0, 0.0)):
@@ -80,6 +103,10 @@ def test_no_retreat_from_within_the_cover_touches(tmp_path):
             continue
         planner.step(odm.Obstacles.of([there[0]]), q=q)
         out = retreat.back_off(q)
+        # a direction that the cover refuses costs no test by the links
+        none = Retreat(planner.frame, planner.attacher, RetreatSettings(tried=1))
+        none._is_clear, none._links_leave = lambda *_: False, None
+        assert none.back_off(q) is None
         if out is not None:
             found += 1
             assert least_on(exact, q, out[1] - q, obstacles_of([there[0]])) > 0.0

@@ -99,6 +99,35 @@ def test_the_path_leads_from_one_tight_end_to_the_other(robot, how, rng):
     assert found > 15
 
 
+def test_long_motions_are_not_tested_by_the_links_nor_goals_joined_in_a_frame(
+    robot, rng, monkeypatch
+):
+    planner, exact = robot
+    clear, attach = LinkTest.clear, type(planner.attacher)._attach_goal
+    far, joined, used = [], [], 0
+    monkeypatch.setattr(
+        LinkTest,
+        "clear",
+        lambda own, q, dq: far.append(np.linalg.norm(dq)) or clear(own, q, dq),
+    )
+    monkeypatch.setattr(
+        type(planner.attacher),
+        "_attach_goal",
+        lambda own, g, q, *more: joined.append(g) or attach(own, g, q, *more),
+    )
+    for q, shape in tight(planner, exact, rng, "shape"):
+        planner.reset()
+        planner.set_goals([q])
+        for k in range(20):
+            joined.clear()
+            answer = tell(planner, shape, "shape", q + [0.3 * (k % 2), 1.5])
+            assert not joined
+            used += bool(answer.by_links)
+            planner.improve(8)
+    climb = planner._tight.settings
+    assert used > 3 and max(far) <= climb.rounds * climb.step
+
+
 def test_who_comes_nearer_to_a_tight_goal_keeps_the_robot_out(robot, rng):
     planner, exact = robot
     goal, blocked = np.zeros(2), 0

@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
+from wrappers import with_wrapper
 
 import odm
 from odm.planner.settings import PlannerSettings
@@ -10,9 +11,13 @@ from odm.search._astar import (
     GREED,
     GREEDY_AFTER,
     LARGE,
+    take_met,
 )
 from odm.search._invalidation import MANY_TESTS
+from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import tool_pose
+
+take_met = with_wrapper(take_met)
 
 NO_MOTION = -4
 SETTINGS = PlannerSettings(start_connections=1, close_test_connections=0)
@@ -110,3 +115,29 @@ def test_a_long_search_of_a_large_map_is_content_with_a_little_longer(wide_map, 
             shorter += some < all_
             longer += length > least + 1e-9
     assert shorter > 2 and longer > 0
+
+
+def test_a_path_over_where_both_sides_met_is_free_all_the_way(wide_map, rng):
+    """As a search takes it to a goal that the cells block."""
+    nodes, met = wide_map.roadmap.nodes, 0
+    for a, b in ends(wide_map, rng, 12):
+        planner = standing_at_nodes(wide_map, a, b)
+        for k in range(0, 20, 4):
+            planner.step(odm.sample_capsules(bar(0.01 * k - 0.1), 0.03), q=nodes[a])
+            m, s = planner.memory, planner.memory.search
+            if m.stats.runs.item() == 0 or s.met.item() < 0:
+                continue
+            entry = take_met(m.table, 0)
+            length, v, edges = s.e_g[entry], b, []
+            entry = s.e_from[entry]  # a motion of no length leads into the goal
+            while s.e_from[entry] >= 0:
+                edges.append(EDGE_BASE - s.e_ref[entry])
+                both = wide_map.roadmap.edges[edges[-1]].tolist()
+                assert s.e_node[entry] == v
+                v = both[int(both[0] == v)]
+                length -= np.linalg.norm(np.subtract(*nodes[both]))
+                entry = s.e_from[entry]
+            assert v == s.e_node[entry] == a and abs(length) < 1e-9
+            assert not np.isin(edges, planner.invalid_edges()).any()
+            met += 1
+    assert met > 3
