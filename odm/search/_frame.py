@@ -172,7 +172,7 @@ def plan(state, starts, start_vertex, most, last):
     obstacles have lately been cost a toll. True where `found_path` is a path.
     """
     numbers, goals = view(state, "numbers"), view(state, "goals")
-    joint, shut = numbers.joint_costs[0] == 1, 0  # goals that no motion enters
+    joint = numbers.joint_costs[0] == 1
     judged = any_start = False
     numbers.exhausted[0] = 0
     leaves = True  # the start may be left by one of its motions
@@ -212,12 +212,9 @@ def plan(state, starts, start_vertex, most, last):
             offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
                 return False
-            if offered == NO_ENTRY:
-                shut += 1
-                continue
-            if offered == NO_EXIT:
-                numbers.exhausted[0] = NO_EXIT_SIDE
-                leaves = False
+            if offered == NO_ENTRY or offered == NO_EXIT:
+                note_shut(state, offered)
+                leaves = offered == NO_ENTRY
                 continue
             any_start = True
             if offered == SEARCH:
@@ -226,9 +223,17 @@ def plan(state, starts, start_vertex, most, last):
         keep_run(state, starts, start_vertex, g, entry, run)
         if take_entry(state, starts, entry, start_vertex):
             return True
-    if shut > 0 and shut == last:
-        numbers.exhausted[0] = NO_ENTRY_SIDE
     return joint and plan_jointly(state, starts, start_vertex, any_start, most)
+
+
+@njit(**INNER)
+def note_shut(state, offered):
+    """Note which end is shut, if no search has told more."""
+    exhausted = view(state, "numbers").exhausted
+    if offered == NO_EXIT:
+        exhausted[0] = NO_EXIT_SIDE
+    elif exhausted[0] == 0:
+        exhausted[0] = NO_ENTRY_SIDE
 
 
 @njit(**INNER)
