@@ -41,7 +41,8 @@ def beside(path: Path) -> Iterator[Path]:
     try:
         yield made
     except OSError as error:
-        error.filename = error.filename or str(path)
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
         raise
     finally:
         _remove(made)
