@@ -7,12 +7,7 @@ from numba import njit
 
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement, set_point
-from odm.search._bound import (
-    GOAL_SIDE,
-    NO_ENTRY_SIDE,
-    NO_EXIT_SIDE,
-    START_SIDE,
-)
+from odm.search._bound import GOAL_SIDE, NO_EXIT_SIDE, START_SIDE
 from odm.search._items import item_free
 from odm.search._judge import close_free, stands_free
 from odm.search._state import view
@@ -135,12 +130,12 @@ def leads_on(state, v, of_start):
 
     A search that has no path knows all that is reached from the start, or from the
     goal. A motion helps where it joins what the one reaches with what it does not.
-    Where nothing leaves the start, or enters a goal, only motions there can help.
+    Where nothing leaves the start, only motions there can help.
     """
     numbers, search = view(state, "numbers"), view(state, "search")
     side, run = numbers.exhausted[0], numbers.run[0]
-    if side == NO_EXIT_SIDE or side == NO_ENTRY_SIDE:
-        return of_start == (side == NO_EXIT_SIDE)
+    if side == NO_EXIT_SIDE:
+        return of_start
     if side == START_SIDE:
         return (search.done[v] == run) != of_start
     if side == GOAL_SIDE and view(state, "goals").count[0] == 1:

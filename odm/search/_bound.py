@@ -33,8 +33,8 @@ NEARLY = 1.001  # times the length of the shortest path counts as short as that
 BY_CELLS, BY_CLOSE_TEST = 1, 2  # by which a motion was blocked
 N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
 # of a search without a path: `done`, or `flood`, tells all that is reached from there;
-# or there was none, since no motion leaves the start, or none enters a goal
-START_SIDE, GOAL_SIDE, NO_EXIT_SIDE, NO_ENTRY_SIDE = 1, 2, 3, 4
+# or there was none, since no motion leaves the start
+START_SIDE, GOAL_SIDE, NO_EXIT_SIDE = 1, 2, 3
 MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 

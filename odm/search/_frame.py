@@ -15,7 +15,6 @@ from odm.obstacles._occupancy import clear, dilate_points, mark_more, place
 from odm.obstacles._solid_samples import FINE, lay_patterns, take_solids, write_samples
 from odm.search._astar import a_star
 from odm.search._bound import (
-    NO_ENTRY_SIDE,
     NO_EXIT_SIDE,
     NO_WAY,
     SHORTEST,
@@ -212,9 +211,11 @@ def plan(state, starts, start_vertex, most, last):
             offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
                 return False
-            if offered == NO_ENTRY or offered == NO_EXIT:
-                note_shut(state, offered)
-                leaves = offered == NO_ENTRY
+            if offered == NO_ENTRY:
+                continue
+            if offered == NO_EXIT:
+                numbers.exhausted[0] = NO_EXIT_SIDE
+                leaves = False
                 continue
             any_start = True
             if offered == SEARCH:
@@ -224,16 +225,6 @@ def plan(state, starts, start_vertex, most, last):
         if take_entry(state, starts, entry, start_vertex):
             return True
     return joint and plan_jointly(state, starts, start_vertex, any_start, most)
-
-
-@njit(**INNER)
-def note_shut(state, offered):
-    """Note which end is shut, if no search has told more."""
-    exhausted = view(state, "numbers").exhausted
-    if offered == NO_EXIT:
-        exhausted[0] = NO_EXIT_SIDE
-    elif exhausted[0] == 0:
-        exhausted[0] = NO_ENTRY_SIDE
 
 
 @njit(**INNER)
