@@ -194,6 +194,9 @@ class Judge:
             if freedom:
                 self._stand_free.add(key)
                 continue
+            if k == 0 and freedom.failed == "scenery" and self._is_rounded(a, b):
+                exact = True  # which must keep m all the same
+                continue
             if self._refuses_a_place(ask, a, b):
                 verdict.wrong.append(f"leg {k}: {freedom.failed}: {freedom.reason}")
             else:
@@ -201,6 +204,16 @@ class Judge:
         if exact or verdict.near or verdict.wrong or verdict.unproved:
             self._measure(world, path, verdict)
         return verdict
+
+    def _is_rounded(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Return whether a leg from beside a segment is free (decision 0102).
+
+        What stands still may be nearer than the clearance by what rounding may spend.
+        """
+        static, dq = self.oracle.static, difference(self.cell_map.robot, a, b)
+        nearer = static.safety.rounding
+        free = static.motions_free(a[None], dq[None], nearer=nearer)[0]
+        return free and self.oracle.blocked_leg(np.stack([a, a + dq])) is None
 
     def _refuses_a_place(
         self, ask: Callable[..., Freedom], a: np.ndarray, b: np.ndarray
