@@ -211,11 +211,9 @@ def plan(state, starts, start_vertex, most, last):
             offered = offer(state, starts, g, any_start, can_enter, most)
             if offered == HOPELESS:
                 return False
-            if offered == NO_ENTRY:
-                continue
             if offered == NO_EXIT:
-                numbers.exhausted[0] = NO_EXIT_SIDE
-                leaves = False
+                numbers.exhausted[0], leaves = NO_EXIT_SIDE, False
+            if offered == NO_ENTRY or offered == NO_EXIT:
                 continue
             any_start = True
             if offered == SEARCH:
