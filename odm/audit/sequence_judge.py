@@ -174,7 +174,7 @@ class Judge:
         """
         if self._dirty:
             self._take_up(world)
-        verdict, robot = Verdict(), self.cell_map.robot
+        verdict, robot, spent = Verdict(), self.cell_map.robot, 0.0
         if not np.array_equal(path[0], q):
             verdict.wrong.append(f"the path begins at {path[0]}, not at {q}")
         # its answers do not depend on q: it stays, and nothing is attached anew
@@ -195,14 +195,14 @@ class Judge:
                 self._stand_free.add(key)
                 continue
             if k == 0 and freedom.failed == "scenery" and self._is_rounded(a, b):
-                exact = True  # which must keep m all the same
+                exact, spent = True, self.cell_map.safety.rounding
                 continue
             if self._refuses_a_place(ask, a, b):
                 verdict.wrong.append(f"leg {k}: {freedom.failed}: {freedom.reason}")
             else:
                 verdict.unproved += 1
         if exact or verdict.near or verdict.wrong or verdict.unproved:
-            self._measure(world, path, verdict)
+            self._measure(world, path, verdict, spent)
         return verdict
 
     def _is_rounded(self, a: np.ndarray, b: np.ndarray) -> bool:
@@ -242,23 +242,37 @@ class Judge:
         if world.held is not None:
             self._side = _ExactSide(self.cell_map, oracle.carrier.robot)
 
-    def _measure(self, world: World, path: np.ndarray, verdict: Verdict) -> None:
-        """Measure each leg with exact solids."""
+    def _measure(
+        self, world: World, path: np.ndarray, verdict: Verdict, spent: float
+    ) -> None:
+        """Measure each leg with exact solids.
+
+        The first may be nearer by `spent` [m] to what stands still.
+        """
         T = np.linalg.inv(world.T_world_base)
         m = self.cell_map.safety.m
-        moving = world.solids()
-        self._side.stand_around([*moving, *(box.moved(T) for box in world.boxes)])
-        verdict.exact = True
-        for k, (a, b) in enumerate(zip(path, path[1:], strict=False)):
-            dq = difference(self.cell_map.robot, a, b)
-            found = self._side.leg(a, dq, m + world.extra, m)
-            if found.gap < verdict.gap:
-                verdict.gap, verdict.distance = found.gap, found.distance
-            if found.gap < -TOLERANCE or found.touches:
-                verdict.wrong.append(
-                    f"leg {k}: exactly {1e3 * found.distance:.2f} mm from {found.what}"
-                    + (", in contact" if found.touches else "")
-                )
+        moving, boxes = world.solids(), [box.moved(T) for box in world.boxes]
+        kept, verdict.exact = m + world.extra, True
+        legs = list(enumerate(zip(path, path[1:], strict=False)))
+        together = [*moving, *boxes]
+        parts = [(together, legs, kept, m)]
+        if spent:
+            parts = [(together, legs[1:], kept, m), (moving, legs[:1], kept, m - spent)]
+            parts.append((boxes, legs[:1], kept - spent, m - spent))
+        for around, some, beside, own in parts:
+            self._side.stand_around(around)
+            for k, (a, b) in some:
+                dq = difference(self.cell_map.robot, a, b)
+                self._tell(verdict, k, self._side.leg(a, dq, beside, own))
+
+    def _tell(self, verdict: Verdict, k: int, found: "_Found") -> None:
+        if found.gap < verdict.gap:
+            verdict.gap, verdict.distance = found.gap, found.distance
+        if found.gap < -TOLERANCE or found.touches:
+            verdict.wrong.append(
+                f"leg {k}: exactly {1e3 * found.distance:.2f} mm from {found.what}"
+                + (", in contact" if found.touches else "")
+            )
 
 
 def _capsules(rods: np.ndarray) -> list[Shape]:

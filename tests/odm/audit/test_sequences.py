@@ -8,9 +8,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from small import HOME
 
 from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequence
-from odm.audit.sequence_judge import Judge, solid_of
+from odm.audit.sequence_judge import Judge, World, solid_of
 from odm.audit.sequences import EVENTS, Sequence
 from odm.cell_map.recipe import PayloadRecipe
 from roadmap.errors import BadInput
@@ -126,6 +127,19 @@ def test_a_wrong_answer_is_told(carrying_map, judge):
     assert not all(v.wrong for v in verdicts)
     elsewhere = judge.judge(world, points, q + 0.1, path, False)
     assert "begins at" in elsewhere.wrong[0]
+
+
+def test_only_a_first_leg_may_be_nearer_to_scenery_by_what_rounding_spends(small_map):
+    """Decision 0102: such a leg is measured exactly, too."""
+    judge, world = Judge(small_map), World()
+    places = HOME + np.arange(0.0, 2.0, 1e-3)[:, None] * [0.0, 1.0, 1.0]
+    free = judge.oracle.static.motions_free(places, np.zeros_like(places))
+    q = places[free.argmin()]  # at the floor
+    assert free[0] and not free.all()
+    first = judge.judge(world, world.given(), q, np.stack([q, HOME]), False)
+    later = judge.judge(world, world.given(), HOME, np.stack([HOME, HOME, q]), False)
+    assert first.exact and not first.wrong
+    assert later.wrong
 
 
 def test_a_half_space_is_a_box_whose_side_lies_in_its_plane():
