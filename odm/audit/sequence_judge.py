@@ -166,11 +166,13 @@ class Judge:
         path: np.ndarray,
         exact: bool,
         by_links: tuple[int, ...] = (),
+        beside: bool = False,
     ) -> Verdict:
         """Judge a path (k, dof) that was answered from q, where it must begin.
 
         `given` is what the planner was given; `exact` asks exact geometry in any case,
         not only where it is near. Of the legs `by_links` the hulls of the links judge.
+        `beside`: the robot is off its segment, so that the first leg is a new motion.
         """
         if self._dirty:
             self._take_up(world)
@@ -194,7 +196,8 @@ class Judge:
             if freedom:
                 self._stand_free.add(key)
                 continue
-            if k == 0 and freedom.failed == "scenery" and self._is_rounded(a, b):
+            new = beside and k == 0 and freedom.failed == "scenery"
+            if new and self._is_rounded(a, b):
                 exact, spent = True, self.cell_map.safety.rounding
                 continue
             if self._refuses_a_place(ask, a, b):

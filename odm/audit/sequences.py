@@ -413,8 +413,9 @@ class Sequence:
         )
         verdict = None
         if answer.status != HOLDING:
-            path, legs = answer.path, answer.by_links
-            verdict = self.judge.judge(world, seen, self.q, path, exact, legs)
+            told = answer.path, exact, answer.by_links
+            beside = self.planner.memory.numbers.off_path.item() == 1
+            verdict = self.judge.judge(world, seen, self.q, *told, beside)
             if refused:
                 verdict.wrong.append("a frame that cannot be used was answered")
         self.answer = answer

@@ -129,17 +129,18 @@ def test_a_wrong_answer_is_told(carrying_map, judge):
     assert "begins at" in elsewhere.wrong[0]
 
 
-def test_only_a_first_leg_may_be_nearer_to_scenery_by_what_rounding_spends(small_map):
+def test_only_a_first_leg_from_beside_may_be_nearer_to_what_stands_still(small_map):
     """Decision 0102: such a leg is measured exactly, too."""
     judge, world = Judge(small_map), World()
     places = HOME + np.arange(0.0, 2.0, 1e-3)[:, None] * [0.0, 1.0, 1.0]
     free = judge.oracle.static.motions_free(places, np.zeros_like(places))
     q = places[free.argmin()]  # at the floor
     assert free[0] and not free.all()
-    first = judge.judge(world, world.given(), q, np.stack([q, HOME]), False)
-    later = judge.judge(world, world.given(), HOME, np.stack([HOME, HOME, q]), False)
+    back, there = np.stack([q, HOME]), np.stack([HOME, HOME, q])
+    first = judge.judge(world, world.given(), q, back, False, beside=True)
     assert first.exact and not first.wrong
-    assert later.wrong
+    assert judge.judge(world, world.given(), q, back, False).wrong
+    assert judge.judge(world, world.given(), HOME, there, False, beside=True).wrong
 
 
 def test_a_half_space_is_a_box_whose_side_lies_in_its_plane():
