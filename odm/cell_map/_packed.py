@@ -32,8 +32,11 @@ def word_of(code, half, full):
 
 
 @njit(**INNER)
-def packed_hit(words, start, step, code, half, full, item):
-    """Return True if the cells of an item share one with `words`."""
+def packed_hit(words, start, step, code, half, full, item, cells):
+    """Return the first block in which an item shares a cell with `words`, from 1 on.
+
+    0: there is none. The item's cells of that block are written to cells[0].
+    """
     after = np.uint64(0)  # the block after which the next one comes, counted from 1
     no_entry = np.uint64(start[item, 0]) - np.uint64(start[item, 1])
     for k in range(start[item, 0], start[item + 1, 0]):
@@ -43,9 +46,12 @@ def packed_hit(words, start, step, code, half, full, item):
             continue
         # few blocks are occupied: most codes need not be fetched
         word = words[after - _ONE]
-        if word != 0 and word & word_of(code[k - no_entry], half, full) != 0:
-            return True
-    return False
+        if word != 0:
+            own = word_of(code[k - no_entry], half, full)
+            if word & own != 0:
+                cells[0] = own
+                return after
+    return np.uint64(0)
 
 
 @njit(**LEAN)

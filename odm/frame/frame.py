@@ -661,10 +661,12 @@ class Frame:
         self.set_sampling(self.sampled)
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
+        self.memory.proof.of[0] = -1  # its cells are those of the other hand
 
     def _forget_slacks(self) -> None:
         """Forget what motions had to spare: of another robot, or another distance."""
         self.memory.slacks.chords[:] = 0
+        self.memory.blocked_places.q[:] = np.nan
 
     def set_base(self, T_world_base: np.ndarray) -> None:
         """Say where the base stands; the points stay where they are in the world."""

@@ -17,7 +17,15 @@ import numpy as np
 from numba import njit
 
 from odm.search._invalidation import refresh, tests_worth_refreshing
-from odm.search._items import BLOCKED, FREE, MAYBE, REFUSED, goal_motion_free, item_free
+from odm.search._items import (
+    BLOCKED,
+    FREE,
+    MAYBE,
+    REFUSED,
+    goal_motion_free,
+    is_hit_again,
+    item_free,
+)
 from odm.search._judge import goal_motion_clear, start_clear
 from odm.search._paths import take_shortcuts, unwrap
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
@@ -162,6 +170,34 @@ def blocked_by(memo, frame):
 
 
 @njit(**INNER)
+def keep_hits(state):
+    """Let the proof's items be those that were found hit in this frame; they fit."""
+    proof, search = view(state, "proof"), view(state, "search")
+    for i in range(search.hits[0]):
+        proof.item[i] = search.hit[i]
+        proof.block[i], proof.cells[i] = search.hit_block[i], search.hit_cells[i]
+    proof.count[N_ITEMS] = search.hits[0]
+
+
+@njit(**INNER)
+def proof_item_free(state, i):
+    """Return True if no occupied cell is in the list of item i of the proof.
+
+    Mostly it is hit where it was, which is looked at first.
+    """
+    proof, search = view(state, "proof"), view(state, "search")
+    item = np.int64(proof.item[i])
+    if is_hit_again(state, item, proof.block[i], proof.cells[i]):
+        return False
+    noted = search.hits[0]
+    if item_free(state, item):
+        return True
+    if noted < search.hits[0] <= search.hit.shape[0]:
+        proof.block[i], proof.cells[i] = search.hit_block[noted], search.hit_cells[noted]
+    return False
+
+
+@njit(**INNER)
 def keep_proof(state, starts, start_vertex, g, entry):
     """Keep what the last search showed, to goal g, whose heap entry is `entry`.
 
@@ -197,9 +233,8 @@ def keep_proof(state, starts, start_vertex, g, entry):
         proof.start_out[k] = blocked_by(starts.memo[k], frame)
     for a in range(goals.number[g]):
         proof.goal_out[a] = blocked_by(goals.memo[g, a], frame)
-    for i in range(items):
-        proof.item[i] = search.hit[i]
-    proof.count[N_ITEMS], proof.count[N_NODES] = items, count
+    keep_hits(state)
+    proof.count[N_NODES] = count
     proof.count[RUN], proof.count[SIDE] = numbers.run[0], numbers.exhausted[0]
     if entry >= 0 and search.hasty[0] == 1:
         proof.count[RUN] = -1  # what it closed is no bound
@@ -344,7 +379,7 @@ def nothing_opened(state, starts, g, h):
     search.made[0] = 0
     opened = False
     for i in range(proof.count[N_ITEMS]):
-        if item_free(state, np.int64(proof.item[i])):
+        if proof_item_free(state, i):
             if not seeks:
                 return False
             opened = True
@@ -369,10 +404,7 @@ def nothing_opened(state, starts, g, h):
         return True
     if not nothing_shorter(state, g, h, asks) or search.hits[0] > search.hit.shape[0]:
         return False
-    # all that is in the way now was looked at in this frame
-    for i in range(search.hits[0]):
-        proof.item[i] = search.hit[i]
-    proof.count[N_ITEMS] = search.hits[0]
+    keep_hits(state)  # all that is in the way now was looked at in this frame
     return True
 
 

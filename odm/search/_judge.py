@@ -4,7 +4,13 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._packed import ON, word_of
-from odm.close_test._close import displacement, place_clear, place_of, set_point
+from odm.close_test._close import (
+    FIRST_SOLID,
+    displacement,
+    place_clear,
+    place_of,
+    set_point,
+)
 from odm.obstacles._cloud import LAYOUT, N_LISTED, N_OCCUPIED, SORTED
 from odm.obstacles._occupancy import clear, pick_points, sort_points
 from odm.obstacles._solids import inner_radius, solid_distance
@@ -20,6 +26,7 @@ from odm.search._items import (
 )
 from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
+from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames
 
@@ -35,9 +42,60 @@ def sorted_cloud(state):
 
 @njit(**INNER)
 def place_free(state, cloud, q):
-    """Return True if a configuration keeps its distance from points and shapes."""
+    """Return True if a configuration keeps its distance from points and shapes.
+
+    What a shape was too near to in an earlier frame is looked at first.
+    """
     view(state, "stats").close[0] += 1
-    return place_clear(clearance_of(state), q, cloud, view(state, "solids"))
+    kept, row = view(state, "blocked_places"), kept_row(state, q)
+    if row >= 0 and is_blocked_again(state, row):
+        return False
+    solids, work = view(state, "solids"), view(state, "work")
+    if place_clear(clearance_of(state), q, cloud, solids):
+        return True
+    i = work.found[0]
+    if work.found[1] <= FIRST_SOLID:  # by a shape
+        arm = view(state, "arm")
+        if row < 0:
+            row = kept.next[0]
+            kept.next[0] = (row + 1) % kept.sphere.shape[0]
+            copy_row(q, kept.q[row])
+        frame = work.frames[0, arm.body[i]]
+        x, y, z = place_of(frame, arm.spheres[i])
+        kept.sphere[row] = i
+        kept.center[row, 0], kept.center[row, 1], kept.center[row, 2] = x, y, z
+    return False
+
+
+@njit(**INNER)
+def kept_row(state, q):
+    """Return the row of `BlockedPlaces` that has this very configuration, or -1."""
+    kept = view(state, "blocked_places").q
+    for k in range(kept.shape[0]):
+        same = True
+        for j in range(q.shape[0]):
+            if kept[k, j] != q[j]:
+                same = False
+                break
+        if same:
+            return k
+    return -1
+
+
+@njit(**INNER)
+def is_blocked_again(state, row):
+    """Return True if a shape is too near to the sphere that was blocked before."""
+    kept, work = view(state, "blocked_places"), view(state, "work")
+    solids, i = view(state, "solids"), kept.sphere[row]
+    keep = view(state, "robot_state").bare[i]
+    x, y, z = kept.center[row, 0], kept.center[row, 1], kept.center[row, 2]
+    for k in range(solids.count[0]):
+        d = solid_distance(solids, k, x, y, z, keep)
+        if d < keep:
+            work.found[0], work.found[1] = i, FIRST_SOLID - k
+            work.value[0], work.value[1] = 0.0, d
+            return True
+    return False
 
 
 @njit(**LEAN)

@@ -194,7 +194,11 @@ class Search(NamedTuple):
     signature: np.ndarray = array("u8", "4", FRAME)  # of the frame's occupied blocks
     # roadmap items that were found hit in this frame, and how many: see `Proof`
     hit: np.ndarray = array("i4", "proof", FRAME)
+    # a block in which, from 1 on (0: not asked), and all cells of the item there
+    hit_block: np.ndarray = array("u4", "proof", FRAME)
+    hit_cells: np.ndarray = array("u8", "proof", FRAME)
     hits: np.ndarray = array("i8", "1", FRAME)
+    cells: np.ndarray = array("u8", "1", FRAME)  # of the list that was compared last
 
 
 class Looks(NamedTuple):
@@ -243,6 +247,9 @@ class Proof(NamedTuple):
     """
 
     item: np.ndarray = array("i4", "proof", GOAL)
+    # where it was hit last, as `Search.hit_block` and `Search.hit_cells` say it
+    block: np.ndarray = array("u4", "proof", GOAL)
+    cells: np.ndarray = array("u8", "proof", GOAL)
     # 1: a motion from the start, or into the goal, that was blocked
     start_out: np.ndarray = array("u1", "joins", GOAL)
     goal_out: np.ndarray = array("u1", "joins", GOAL)
@@ -422,6 +429,15 @@ class Slacks(NamedTuple):
     delta: np.ndarray = array("f8", "dof", FRAME)  # of the whole motion
 
 
+class BlockedPlaces(NamedTuple):
+    """Configurations that a shape made blocked, and by which sphere; see `_judge.py`."""
+
+    q: np.ndarray = array("f8", "places_kept dof", FRAME, np.nan)
+    sphere: np.ndarray = array("i8", "places_kept", FRAME)
+    center: np.ndarray = array("f8", "places_kept 3", FRAME)  # of that sphere [m]
+    next: np.ndarray = array("i8", "1", FRAME)  # row that is written next
+
+
 class Numbers(NamedTuple):
     """Single numbers of the frame and of what is decided in it."""
 
@@ -516,6 +532,7 @@ class Groups:
     trees: Trees  # where the roadmap has no path
     found: Found
     slacks: Slacks
+    blocked_places: BlockedPlaces
 
 
 KINDS: dict[str, type] = Groups.__annotations__

@@ -54,6 +54,7 @@ _SIZES = {
     "chords": 64,
     "snapshots": 48,
     "slack_shapes": 24,
+    "places_kept": 16,
     "seen": 1,  # before there is a frame
 }
 
