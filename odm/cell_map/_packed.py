@@ -32,10 +32,10 @@ def word_of(code, half, full):
 
 
 @njit(**INNER)
-def packed_hit(words, start, step, code, half, full, item, cells):
-    """Return the first block in which an item shares a cell with `words`, from 1 on.
+def packed_hit(words, start, step, code, half, full, item, hit_at):
+    """Return True if the cells of an item share one with `words`.
 
-    0: there is none. The item's cells of that block are written to cells[0].
+    Then hit_at[item] (2,) gets the block, counted from 1, and the item's cells there.
     """
     after = np.uint64(0)  # the block after which the next one comes, counted from 1
     no_entry = np.uint64(start[item, 0]) - np.uint64(start[item, 1])
@@ -49,9 +49,9 @@ def packed_hit(words, start, step, code, half, full, item, cells):
         if word != 0:
             own = word_of(code[k - no_entry], half, full)
             if word & own != 0:
-                cells[0] = own
-                return after
-    return np.uint64(0)
+                hit_at[item, 0], hit_at[item, 1] = after, own
+                return True
+    return False
 
 
 @njit(**LEAN)

@@ -661,7 +661,7 @@ class Frame:
         self.set_sampling(self.sampled)
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
-        self.memory.proof.of[0] = -1  # its cells are those of the other hand
+        self.memory.search.hit_at[:] = 0
 
     def _forget_slacks(self) -> None:
         """Forget what motions had to spare: of another robot, or another distance."""

@@ -23,8 +23,8 @@ from odm.search._items import (
     MAYBE,
     REFUSED,
     goal_motion_free,
-    is_hit_again,
     item_free,
+    item_free_now,
 )
 from odm.search._judge import goal_motion_clear, start_clear
 from odm.search._paths import take_shortcuts, unwrap
@@ -175,26 +175,7 @@ def keep_hits(state):
     proof, search = view(state, "proof"), view(state, "search")
     for i in range(search.hits[0]):
         proof.item[i] = search.hit[i]
-        proof.block[i], proof.cells[i] = search.hit_block[i], search.hit_cells[i]
     proof.count[N_ITEMS] = search.hits[0]
-
-
-@njit(**INNER)
-def proof_item_free(state, i):
-    """Return True if no occupied cell is in the list of item i of the proof.
-
-    Mostly it is hit where it was, which is looked at first.
-    """
-    proof, search = view(state, "proof"), view(state, "search")
-    item = np.int64(proof.item[i])
-    if is_hit_again(state, item, proof.block[i], proof.cells[i]):
-        return False
-    noted = search.hits[0]
-    if item_free(state, item):
-        return True
-    if noted < search.hits[0] <= search.hit.shape[0]:
-        proof.block[i], proof.cells[i] = search.hit_block[noted], search.hit_cells[noted]
-    return False
 
 
 @njit(**INNER)
@@ -379,7 +360,7 @@ def nothing_opened(state, starts, g, h):
     search.made[0] = 0
     opened = False
     for i in range(proof.count[N_ITEMS]):
-        if proof_item_free(state, i):
+        if item_free_now(state, np.int64(proof.item[i])):
             if not seeks:
                 return False
             opened = True

@@ -59,25 +59,30 @@ def is_hit(graph, item):
 
 
 @njit(**INNER)
-def graph_hit(words, graph, item, cells):
-    """Return the first block in which a roadmap item shares a cell with `words`.
+def is_hit_again(words, hit_at, item):
+    """Return True if a roadmap item shares a cell with `words` where it did before.
 
-    As `packed_hit`: from 1 on, and its cells there in cells[0]; 0: there is none.
+    That reads one word, not its list.
     """
-    lists = graph.start, graph.step, graph.code, graph.half, graph.full
-    return packed_hit(words, *lists, item, cells)
+    block = hit_at[item, 0]
+    return block != 0 and words[block - np.uint64(1)] & hit_at[item, 1] != 0
 
 
 @njit(**INNER)
-def note_hit(search, item, block, cells):
-    """Note that a roadmap item is hit in this frame; more than fit are but counted.
+def graph_hit(words, graph, item, hit_at):
+    """Return True if the cells of a roadmap item share one with `words`."""
+    if is_hit_again(words, hit_at, item):
+        return True
+    lists = graph.start, graph.step, graph.code, graph.half, graph.full
+    return packed_hit(words, *lists, item, hit_at)
 
-    By its `cells` in `block`, counted from 1; 0: it was not asked where.
-    """
-    k = search.hits[0]
-    if k < search.hit.shape[0]:
-        search.hit[k], search.hit_block[k], search.hit_cells[k] = item, block, cells
-    search.hits[0] = k + 1
+
+@njit(**INNER)
+def note_hit(search, item):
+    """Note that a roadmap item is hit in this frame; more than fit are but counted."""
+    if search.hits[0] < search.hit.shape[0]:
+        search.hit[search.hits[0]] = item
+    search.hits[0] += 1
 
 
 @njit(**INNER)
@@ -89,34 +94,33 @@ def item_free(state, item):
     known = search.memo[item]
     if known >> 1 == frame:
         return known & 1 == 0
-    hit, block = (1 if graph.closed[item] else 0), np.uint64(0)
+    hit = 1 if graph.closed[item] else 0
     if stats.counted[0] != 0:
         hit |= 1 if is_hit(graph, item) else 0
     elif hit == 0:
         stats.edge_tests[0] += 1
         if not disjoint(graph.signature, item, search.signature):
-            block = graph_hit(view(state, "cloud").words, graph, item, search.cells)
-            hit = 1 if block != 0 else 0
+            words = view(state, "cloud").words
+            if graph_hit(words, graph, item, search.hit_at):
+                hit = 1
     search.memo[item] = 2 * frame + hit
     if hit != 0:
-        note_hit(search, item, block, search.cells[0])
+        note_hit(search, item)
     return hit == 0
 
 
 @njit(**INNER)
-def is_hit_again(state, item, block, cells):
-    """Return True if a roadmap item is hit where it was before; remembered.
-
-    By its `cells` in `block`, as they were noted; that reads one word, not its list.
-    """
+def item_free_now(state, item):
+    """As `item_free`, of an item that was hit lately: that place is looked at first."""
     search, frame = view(state, "search"), view(state, "numbers").frame[0]
-    if block == 0 or view(state, "cloud").words[block - np.uint64(1)] & cells == 0:
-        return False
-    if search.memo[item] >> 1 != frame:
-        view(state, "stats").edge_tests[0] += 1
-        search.memo[item] = 2 * frame + 1
-        note_hit(search, item, block, cells)
-    return True
+    if search.memo[item] >> 1 == frame:
+        return search.memo[item] & 1 == 0
+    if not is_hit_again(view(state, "cloud").words, search.hit_at, item):
+        return item_free(state, item)
+    view(state, "stats").edge_tests[0] += 1
+    search.memo[item] = 2 * frame + 1
+    note_hit(search, item)
+    return False
 
 
 @njit(**INNER)

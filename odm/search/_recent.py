@@ -201,7 +201,7 @@ def item_in_avoided(state, item):
         return known & 1 == 1
     hit = 0
     if not disjoint(graph.signature, item, recent.sign):
-        if graph_hit(recent.avoided, graph, item, view(state, "search").cells) != 0:
+        if graph_hit(recent.avoided, graph, item, view(state, "search").hit_at):
             hit = 1
     recent.memo[item] = 2 * frame + hit
     return hit == 1

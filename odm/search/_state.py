@@ -163,6 +163,9 @@ class Search(NamedTuple):
 
     # 2 * frame + hit of a roadmap item
     memo: np.ndarray = array("i8", "n+m", FRAME, -1)
+    # where a roadmap item was hit last: a block, counted from 1 (0: never), and all
+    # cells of the item there
+    hit_at: np.ndarray = array("u8", "n+m 2", FRAME)
     # run in which a vertex was closed
     done: np.ndarray = array("i8", "n+goals", GOAL)
     # length of the path by which a node was closed, infinite: it is blocked
@@ -194,11 +197,7 @@ class Search(NamedTuple):
     signature: np.ndarray = array("u8", "4", FRAME)  # of the frame's occupied blocks
     # roadmap items that were found hit in this frame, and how many: see `Proof`
     hit: np.ndarray = array("i4", "proof", FRAME)
-    # a block in which, from 1 on (0: not asked), and all cells of the item there
-    hit_block: np.ndarray = array("u4", "proof", FRAME)
-    hit_cells: np.ndarray = array("u8", "proof", FRAME)
     hits: np.ndarray = array("i8", "1", FRAME)
-    cells: np.ndarray = array("u8", "1", FRAME)  # of the list that was compared last
 
 
 class Looks(NamedTuple):
@@ -247,9 +246,6 @@ class Proof(NamedTuple):
     """
 
     item: np.ndarray = array("i4", "proof", GOAL)
-    # where it was hit last, as `Search.hit_block` and `Search.hit_cells` say it
-    block: np.ndarray = array("u4", "proof", GOAL)
-    cells: np.ndarray = array("u8", "proof", GOAL)
     # 1: a motion from the start, or into the goal, that was blocked
     start_out: np.ndarray = array("u1", "joins", GOAL)
     goal_out: np.ndarray = array("u1", "joins", GOAL)
