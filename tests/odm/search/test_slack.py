@@ -334,16 +334,18 @@ def test_another_distance_or_another_hand_forgets(carrying_map):
         table = planner.memory.table
         assert part_free(table, NO_ITEM, q, 0.01 * np.ones_like(q))
         assert spares(planner) > 0
+        places.q[:], hit_at[:] = q, 1
 
+    places, hit_at = planner.memory.blocked_places, planner.memory.search.hit_at
     ask()
     planner.set_extra_clearance(0.01)
-    assert spares(planner) == 0
+    assert spares(planner) == 0 and np.isnan(places.q).all()
     ask()
     planner.attach(BALLS)
-    assert spares(planner) == 0
+    assert spares(planner) == 0 and np.isnan(places.q).all() and not hit_at.any()
     ask()
     planner.detach()
-    assert spares(planner) == 0
+    assert spares(planner) == 0 and np.isnan(places.q).all() and not hit_at.any()
 
 
 def test_a_point_beside_the_shapes_is_not_passed_over(planner):
