@@ -426,7 +426,7 @@ class Slacks(NamedTuple):
 
 
 class BlockedPlaces(NamedTuple):
-    """Configurations that a shape made blocked, and by which sphere; see `_judge.py`."""
+    """Configurations that a shape was too near to, and a sphere; see `_judge.py`."""
 
     q: np.ndarray = array("f8", "places_kept dof", FRAME, np.nan)
     sphere: np.ndarray = array("i8", "places_kept", FRAME)

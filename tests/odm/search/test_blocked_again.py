@@ -64,4 +64,3 @@ def test_an_item_is_hit_as_the_direct_map_has_it(small_map, rng):
         again += (~free & (places == search.hit_at).all(axis=1)).sum()
         assert search.hits[0] == (~free).sum()
     assert again > 1000
-
