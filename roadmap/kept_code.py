@@ -21,6 +21,8 @@ from pathlib import Path
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
+from roadmap.errors import PlanningError
+
 _LOCK = "numba.lock"  # beside the machine code; empty
 
 
@@ -82,7 +84,10 @@ def load_kept(loops: Iterable[Dispatcher]) -> int:
 
 
 def save_in_turn() -> None:
-    """Let whatever numba keeps from now on be listed by one process at a time."""
+    """Let whatever numba keeps from now on be listed by one process at a time.
+
+    Where the disk is full, `PlanningError` names the folder.
+    """
     plain = IndexDataCacheFile.save
     if getattr(plain, "is_in_turn", False):
         return
@@ -90,7 +95,14 @@ def save_in_turn() -> None:
     @wraps(plain)
     def save(self: IndexDataCacheFile, key: object, data: object) -> None:
         with _turn(Path(self._cache_path)):
-            plain(self, key, data)
+            try:
+                plain(self, key, data)
+            except OSError as error:
+                raise PlanningError(
+                    f"compiled loops cannot be kept in {self._cache_path}: "
+                    f"{error.strerror}; free some room, or set NUMBA_CACHE_DIR to a "
+                    "folder of your own that stays"
+                ) from error
 
     vars(save)["is_in_turn"] = True
     IndexDataCacheFile.save = save

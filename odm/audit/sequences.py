@@ -18,7 +18,7 @@ from odm.answer import HOLDING, Answer
 from odm.audit.sequence_judge import SHAPES, SPACING, Judge, Verdict, World
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.recipe import PayloadRecipe
-from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.obstacles import Obstacles, lent_arrays
 from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import sample_capsules, surface_of
 from odm.planner.planner import ReactivePlanner
@@ -432,7 +432,8 @@ class Sequence:
     def _broken(self, given: np.ndarray | Obstacles) -> np.ndarray | Obstacles:
         """Return what is given with one value that is no number."""
         if isinstance(given, Obstacles):
-            given.data[self.rng.integers(len(given.data))] = np.nan
+            rows, _ = lent_arrays(given)
+            rows[self.rng.integers(len(rows))] = np.nan
             return given
         given = given.copy()
         given[self.rng.integers(len(given)), self.rng.integers(3)] = np.nan

@@ -26,7 +26,7 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import LAYOUT, N_OUTSIDE, SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
-from odm.obstacles.obstacles import Obstacles, room_for, write_meshes
+from odm.obstacles.obstacles import Obstacles, lent_arrays, room_for, write_meshes
 from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import rounded_covering
 from odm.obstacles.unit import largest_coordinates
@@ -170,6 +170,7 @@ class Frame:
         self._copies_q, self._dof = False, cell_map.robot.dof
         self._owner = self.memory.owner
         self._known: Obstacles | None = None  # whose meshes are laid out
+        self._arrays: tuple[np.ndarray, np.ndarray]  # and rows, which are kept alive
         # shapes and classes that were checked and not taken yet; None: as before
         self._given: tuple[Obstacles | None, np.ndarray | None] | None = None
         self.world, self.world_ahead = WorldFrame(np.eye(4)), WorldFrame(np.eye(4))
@@ -336,9 +337,9 @@ class Frame:
         q: np.ndarray | None,
     ) -> int:
         """Take a frame with shapes that are laid out; see `take`."""
-        obstacles, memory = self.obstacles, self.memory
+        memory = self.memory
         room, now_seen = self._buffers[self._buffer], self.points
-        table, data, counts = memory.table, obstacles.data, obstacles.counts
+        table, (data, counts) = memory.table, self._arrays
         if q is None or now_seen.base is not room:
             n = kernels.begin_shapes(table, points, data, counts, room)
             self._take_rest(n, points, stamp, now)
@@ -417,8 +418,7 @@ class Frame:
                 self._buffers[self._buffer] = room = np.empty((2 * n, 3))
             else:
                 break
-            data, counts = obstacles.data, obstacles.counts
-            n = kernels.begin_shapes(memory.table, points, data, counts, room)
+            n = kernels.begin_shapes(memory.table, points, *self._arrays, room)
         trouble = None
         if n > len(room):  # too many samples: nothing was begun
             kernels.begin_step(memory.table, points, self._buffer_for(len(points)))
@@ -437,7 +437,7 @@ class Frame:
         if obstacles.meshes or len(obstacles) > len(self.memory.solids.kind):
             self._fit_shapes(obstacles)
             write_meshes(obstacles, self.memory.solids, self.memory.patterns)
-        self._known = obstacles
+        self._known, self._arrays = obstacles, lent_arrays(obstacles)
 
     def _fit_shapes(self, obstacles: Obstacles, patterns: int = 0) -> None:
         """Make room for shapes and their patterns, where there is too little."""

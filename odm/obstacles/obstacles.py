@@ -81,8 +81,8 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
-        "_boxes", "_capsules", "_cylinders", "_hulls", "_meshes", "_points", "_poses",
-        "_size", "_spheres", "classes", "counts", "data", "labels", "shape_classes",
+        "_boxes", "_capsules", "_counts", "_cylinders", "_data", "_hulls", "_meshes",
+        "_points", "_poses", "_size", "_spheres", "classes", "labels", "shape_classes",
     )  # fmt: skip
 
     def __init__(
@@ -106,7 +106,7 @@ class Obstacles:
                 return
         if type(meshes) is not tuple and not isinstance(meshes, Sequence):
             raise BadInput(f"meshes are a {type(meshes).__name__}; give a list of them")
-        self._hulls = [hull_of(mesh, k) for k, mesh in enumerate(meshes)]
+        self._hulls = tuple(hull_of(mesh, k) for k, mesh in enumerate(meshes))
         poses = [mesh.T_base_shape[:3].ravel() for mesh in meshes]
         given = {
             "capsules": capsules,
@@ -119,8 +119,8 @@ class Obstacles:
             _NO_ROWS[k] if part is _NONE else _rows(kind, part, WIDTHS[k])
             for k, (kind, part) in enumerate(given.items())
         ]
-        self.counts = np.array([len(part) for part in rows])
-        self.data = np.concatenate([part.ravel() for part in rows])
+        self._counts = np.array([len(part) for part in rows])
+        self._data = np.concatenate([part.ravel() for part in rows])
         self._lay_out()
         self._points = _NO_POINTS
         if points is not None:
@@ -132,19 +132,19 @@ class Obstacles:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
 
     def _lay_out(self) -> None:
-        """Let the rows of each kind be views of `data`, which a frame reads."""
+        """Let the rows of each kind be views of the array that a frame reads."""
         at = 0
-        for kind, n, width in zip(KINDS, self.counts.tolist(), WIDTHS, strict=True):
-            setattr(self, "_" + kind, self.data[at : at + n * width].reshape(n, width))
+        for kind, n, width in zip(KINDS, self._counts.tolist(), WIDTHS, strict=True):
+            setattr(self, "_" + kind, self._data[at : at + n * width].reshape(n, width))
             at += n * width
-        self._size = int(self.counts.sum())
+        self._size = int(self._counts.sum())
         self._poses = self._meshes.reshape(-1, 3, 4)
 
     def __setstate__(self, state: tuple[None, dict]) -> None:
         """Take up what was copied or pickled: each array by itself, no more a view."""
         for name, value in state[1].items():
             setattr(self, name, value)
-        self.counts, self.data = writable(self.counts), writable(self.data)
+        self._counts, self._data = writable(self._counts), writable(self._data)
         self._lay_out()
 
     def _hold_capsules(self, capsules: np.ndarray | int) -> None:
@@ -152,14 +152,14 @@ class Obstacles:
         self._poses, self._points = _NO_POSES, _NO_POINTS
         self._capsules = rows = np.array(_rows("capsules", capsules, WIDTHS[0]))
         self._size = n = len(rows)
-        self.counts = np.array([n, 0, 0, 0, 0])
-        self._hulls, self.data = [], rows.ravel()
+        self._counts = np.array([n, 0, 0, 0, 0])
+        self._hulls, self._data = (), rows.ravel()
         self.shape_classes = np.zeros(n, np.int8)
         self.labels, self.classes = {}, None
 
     def __repr__(self) -> str:
         """Tell how many there are of each kind."""
-        counts = [*zip(self.counts.tolist(), KINDS, strict=True)]
+        counts = [*zip(self._counts.tolist(), KINDS, strict=True)]
         told = [f"{n} {k}" for n, k in (*counts, (len(self.points), "points")) if n]
         return f"Obstacles({', '.join(told)})"
 
@@ -167,8 +167,8 @@ class Obstacles:
         """Keep the classes of points and of all shapes."""
         if "points" in classes:
             self.classes = np.asarray(classes["points"])
-        ends = np.cumsum(self.counts).tolist()
-        for kind, n, end in zip(KINDS, self.counts.tolist(), ends, strict=True):
+        ends = np.cumsum(self._counts).tolist()
+        for kind, n, end in zip(KINDS, self._counts.tolist(), ends, strict=True):
             if kind in classes:
                 checked = np.asarray(check_classes(classes[kind], n))
                 self.shape_classes[end - n : end] = checked
@@ -227,7 +227,7 @@ class Obstacles:
 
     def name(self, k: int) -> str:
         """Return what shape k is called: its kind and number, and its label."""
-        for kind, one, n in zip(KINDS, _ONE, self.counts.tolist(), strict=True):
+        for kind, one, n in zip(KINDS, _ONE, self._counts.tolist(), strict=True):
             if k < n:
                 labels = self.labels.get(kind)
                 label = labels[k] if labels else ""
@@ -237,7 +237,7 @@ class Obstacles:
 
     def trouble(self, code: int, kind: int, k: int) -> str:
         """Return what is wrong with shape k of a kind; see `_solid_samples`."""
-        k += int(self.counts[:kind].sum())
+        k += int(self._counts[:kind].sum())
         return f"{self.name(k)} {_WRONG[code]}"
 
     def _take_points(self, points: np.ndarray) -> None:
@@ -271,6 +271,11 @@ class Obstacles:
                     "each"
                 )
         return given
+
+
+# the rows of the shapes, kind after kind, and (5,) how many there are of each kind:
+# compiled loops read them unchecked, so nobody else gets hold of them
+lent_arrays = attrgetter("_data", "_counts")
 
 
 class Hull:
@@ -444,6 +449,6 @@ class SolidRoom:
                 self._solids, self._patterns = larger
             write_meshes(obstacles, self._solids, self._patterns, sampled=False)
         solids, patterns = self._solids, self._patterns
-        data, counts = obstacles.data, obstacles.counts
-        code = kernels.take_solids(data, counts, T, solids, patterns)
+        arrays = lent_arrays(obstacles)
+        code = kernels.take_solids(*arrays, T, solids, patterns)
         return solids if code == kernels.FINE else None

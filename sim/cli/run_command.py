@@ -87,6 +87,7 @@ def _hand_over(request: DemoRequest) -> None:
     from odm import load_map, load_recipe
     from sim.maintenance.cases import WORK_PLACES, pads_at
     from sim.run.meet import reach_map_of
+    from sim.story.cases import urdf_of
     from sim.story.request import KEYBOARD, MOCAP
     from sim.story.tell import object_of, recorded_person, tell_story
     from sim.terminal.ahead import compile_ahead
@@ -109,6 +110,8 @@ def _hand_over(request: DemoRequest) -> None:
     cell_map = load_map(folder)
     # told before a map of reach is built
     pads_at(cell_map.robot, request.pads or (), at)
+    if thing is not None:
+        urdf_of(cell_map)
     with Bars() as tell:
         compile_ahead(STORY)  # nothing is left where it was done above
         reach = reach_map_of(cell_map.robot, request.reach, tell)

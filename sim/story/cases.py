@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.ranges import CheckedSettings, setting
+from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
@@ -407,8 +409,7 @@ def own_object(
     gripper cannot hold it, or nothing keeps clear of it.
     """
     robot, pads = cell_map.robot, pads_of(cell_map.robot, pads)
-    urdf = cell_map.recipe.robot.source
-    obj = held_mesh(thing, robot, urdf, robot.tip_name, pads)
+    obj = held_mesh(thing, robot, urdf_of(cell_map), robot.tip_name, pads)
     planner = ReactivePlanner(cell_map, settings=PlannerSettings(finger_pads=pads))
     moved = np.inf
     for spare in (grasp_spare(robot), LIVE.spare_m):  # a slow one creeps with less
@@ -423,6 +424,22 @@ def own_object(
             f"{100 * _MOST_MOVED:.0f} cm); give a slimmer object, or longer fingers"
         )
     return held
+
+
+def urdf_of(cell_map: CellMap) -> str:
+    """Return the known name or the file that a map's gripper is read from.
+
+    BadInput where the file is not there.
+    """
+    source = cell_map.recipe.robot.source
+    if known_robot(source) is None and not Path(source).is_file():
+        raise BadInput(
+            f"the gripper that would hold the object is described in {source}, as map "
+            f"{cell_map.recipe.name} names it, and from {Path.cwd()} that file is not "
+            "found; change to the folder where this path starts, or build the map with "
+            "the file's whole path"
+        )
+    return source
 
 
 def pads_of(robot: Robot, names: Sequence[str] = ()) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Code that numba keeps is loaded ahead, and listed under the types it was made for."""
 
+import errno
 import signal
 import threading
 import time
@@ -12,6 +13,7 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.typeinfer import TypeInferer
 
 from odm.cell_map import _packed
+from roadmap.errors import PlanningError
 from roadmap.jit_options import LEAN
 from roadmap.kept_code import KeptTypes, load_kept
 
@@ -29,6 +31,16 @@ def test_what_is_kept_of_a_loop_is_loaded_without_a_call(small_map):
 
 def test_what_cannot_be_loaded_is_left_to_the_first_call():
     assert load_kept([Path]) == 0
+
+
+def test_a_full_disk_is_told_by_the_folder_of_compiled_loops(monkeypatch, tmp_path):
+    def write(self, name, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", write)
+    kept = IndexDataCacheFile(str(tmp_path), "none", "")
+    with pytest.raises(PlanningError, match="kept in .*: No space left on device; "):
+        kept.save("key", "data")
 
 
 @contextmanager

@@ -11,10 +11,11 @@ from shapes_drawn import KINDS, draw_shape, draw_shapes, exact_distance
 import odm
 from odm.obstacles import mesh_surface
 from odm.obstacles.mesh_surface import cover_densely
-from odm.obstacles.obstacles import SolidRoom, hull_of
+from odm.obstacles.obstacles import SolidRoom, hull_of, lent_arrays
 from roadmap.errors import BadInput
 
 CAPSULES = np.array([[0.3, 0.0, 0.4, 0.5, 0.1, 0.6, 0.05]])
+TIP = odm.Mesh(np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def dense_surface(shape, rng):
@@ -228,14 +229,26 @@ def test_another_number_of_rows_is_refused_and_a_wrong_kind_of_shape():
 def test_what_is_written_into_a_copy_counts(again, others):
     copied = again(odm.Obstacles(capsules=CAPSULES, **others))
     copied.capsules[0, 0] = 5.0
-    assert copied.data[0] == 5.0 and repr(copied).startswith("Obstacles(1 capsules")
+    assert lent_arrays(copied)[0][0] == 5.0 and repr(copied).startswith(
+        "Obstacles(1 capsules"
+    )
+
+
+def test_nobody_changes_how_much_compiled_loops_read():
+    """With more rows told than there are, they would read what lies behind them."""
+    obstacles = odm.Obstacles(capsules=CAPSULES, meshes=[TIP])
+    public = {name for name in dir(obstacles) if not name.startswith("_")}
+    arrays = {n for n in public if isinstance(getattr(obstacles, n), np.ndarray)}
+    assert arrays == {"capsules", "spheres", "cylinders", "boxes", "poses"} | {
+        "points", "shape_classes"
+    }  # fmt: skip
+    assert type(obstacles.meshes) is tuple
 
 
 def test_poses_that_are_set_move_the_meshes():
-    tip = odm.Mesh(np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    obstacles = odm.Obstacles(meshes=[tip])
+    obstacles = odm.Obstacles(meshes=[TIP])
     obstacles.poses = np.eye(4)[None, :3] + 0.5
-    assert (obstacles.data.reshape(3, 4) == np.eye(4)[:3] + 0.5).all()
+    assert (lent_arrays(obstacles)[0].reshape(3, 4) == np.eye(4)[:3] + 0.5).all()
     with pytest.raises(BadInput, match="made for .1, 3, 4."):
         obstacles.poses = np.eye(4)
 

@@ -1,8 +1,10 @@
 """`--pads`: which links may touch an object, whatever their names are."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+import trimesh
 
 import handover
 import odm as package
@@ -32,6 +34,18 @@ def test_a_robot_without_fingers_is_told_of_pads_and_of_its_links(maps):
         setup_of(*maps, pads=["flange", "link9"])
     setup = setup_of(*maps, pads=["flange"])
     assert setup.planner().settings.finger_pads == ("flange",)
+
+
+def test_a_map_used_far_from_its_urdf_is_told_before_any_reach_map(odm, maps, tmp_path):
+    """The grasp of an object of one's own is found by the gripper as in its URDF."""
+    recipe = maps[0].recipe
+    away = replace(recipe, robot=replace(recipe.robot, source="gone/arm.urdf"))
+    folder = replace(maps[0], recipe=away).save(tmp_path / "away")
+    trimesh.creation.box((0.05, 0.05, 0.1)).export(tmp_path / "box.stl")
+    words = ("--map", folder, "--object", tmp_path / "box.stl", "--pads", "flange")
+    code, _, error = odm("demo", "handover", *words, "--reach", tmp_path / "reach")
+    assert code == 2 and "gone/arm.urdf" in error and "change to the folder" in error
+    assert not (tmp_path / "reach").exists()
 
 
 def test_the_command_takes_pads_and_only_of_a_hand_over(odm, meet_maps, tmp_path):
