@@ -12,11 +12,19 @@ from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
-MOST_NUMBER = 1e12  # any larger one is a mistake
+MOST_NUMBER = 1e12  # any larger one is a mistake, or smaller one than 1 over it
 LEAST_DEPTH = 0.03  # [m] no camera reads less
 _STEEPEST = (
     75.0  # degrees between a surface's normal and the ray: raw points hold there
 )
+_CALIBRATED = "take it from the camera's calibration"
+_CUT = f"{_CALIBRATED}, less the pixels that were cut off before the image"
+_SIDES = ("width", "height")
+_LIMITS = {
+    **dict.fromkeys(_SIDES, (8, MOST_PIXELS, "take the size of its images")),
+    **dict.fromkeys(("fx", "fy", "scale"), (1 / MOST_NUMBER, MOST_NUMBER, _CALIBRATED)),
+    **dict.fromkeys(("cx", "cy"), (-MOST_PIXELS, MOST_PIXELS, _CUT)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,31 +55,15 @@ class DepthCamera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        for key in ("width", "height"):
-            value = getattr(self, key)
-            if not (is_between(value, 8, MOST_PIXELS) and int(value) == value):
+        for key, (low, high, remedy) in _LIMITS.items():
+            value, kind = getattr(self, key), int if key in _SIDES else float
+            if not is_between(value, low, high) or kind(value) != value:
+                whole = "whole " if kind is int else ""
                 raise BadInput(
-                    f"{key} {value} of {self.name} must be a whole number of pixels "
-                    f"from 8 to {MOST_PIXELS}; take the size of its images"
+                    f"{key} {value} of {self.name} must be a {whole}number from "
+                    f"{low:g} to {high:g}; {remedy}"
                 )
-            object.__setattr__(self, key, int(value))
-        for key in ("fx", "fy", "scale"):
-            value = getattr(self, key)
-            if not (is_between(value, 0.0, MOST_NUMBER) and value > 0.0):
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be above 0; take it from the "
-                    "camera's calibration"
-                )
-            object.__setattr__(self, key, float(value))
-        for key, cut in (("cx", "columns"), ("cy", "rows")):
-            value = getattr(self, key)
-            if not is_between(value, -MOST_PIXELS, MOST_PIXELS):
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be a number of pixels from "
-                    f"{-MOST_PIXELS} to {MOST_PIXELS}; take it from the calibration, "
-                    f"less the {cut} that were cut off before the image"
-                )
-            object.__setattr__(self, key, float(value))
+            object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
 
