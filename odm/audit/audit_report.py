@@ -1,6 +1,6 @@
 """What an audit found: cases that can be run again, and sums over all pairs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -82,11 +82,7 @@ class AuditReport:
 
     def as_dict(self) -> dict:
         """Return everything but the poses as plain JSON data."""
-        names = (
-            "asked", "pairs", "free", "boundary", "violations", "unresolved",
-            "smallest", "m", "seed", "seconds", "sabotage", "complete",
-        )  # fmt: skip
-        plain = {name: getattr(self, name) for name in names}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
         plain["smallest"] = _number(self.smallest)
         families = {k: [*v[:3], _number(v[3])] for k, v in self.families.items()}
         worst = [str(case) for case in self.worst]
