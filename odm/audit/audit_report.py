@@ -29,7 +29,6 @@ class Case:
     distance: float
 
     def __str__(self) -> str:
-        """Return one line for a report."""
         what = f"edge {self.motion}" if self.motion >= 0 else f"node {-1 - self.motion}"
         return (
             f"{self.distance * 1e3:7.2f} mm: {what} at t = {self.t:.6f}, {self.link} "
@@ -94,7 +93,6 @@ class AuditReport:
         }
 
     def __str__(self) -> str:
-        """Return the verdict in one sentence."""
         verdict = "passed" if self.passed else "FAILED"
         if not self.complete and not self.violations:
             verdict = "was interrupted"
