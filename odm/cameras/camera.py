@@ -12,18 +12,25 @@ from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
-MOST_NUMBER = 1e12  # any larger one is a mistake, or smaller one than 1 over it
+MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
 _STEEPEST = (
     75.0  # degrees between a surface's normal and the ray: raw points hold there
 )
-_CALIBRATED = "take it from the camera's calibration"
-_CUT = f"{_CALIBRATED}, less the pixels that were cut off before the image"
 _SIDES = ("width", "height")
+_SIDE = f"a whole number of pixels from 8 to {MOST_PIXELS}; take the size of its images"
+_ABOVE = "above 0; take it from the camera's calibration"
+_CUT = (
+    f"a number of pixels from {-MOST_PIXELS} to {MOST_PIXELS}; take it from the "
+    "calibration, less the %s that were cut off before the image"
+)
 _LIMITS = {
-    **dict.fromkeys(_SIDES, (8, MOST_PIXELS, "take the size of its images")),
-    **dict.fromkeys(("fx", "fy", "scale"), (1 / MOST_NUMBER, MOST_NUMBER, _CALIBRATED)),
-    **dict.fromkeys(("cx", "cy"), (-MOST_PIXELS, MOST_PIXELS, _CUT)),
+    **dict.fromkeys(_SIDES, (8, MOST_PIXELS, _SIDE)),
+    **dict.fromkeys(
+        ("fx", "fy", "scale"), (math.nextafter(0.0, 1.0), MOST_NUMBER, _ABOVE)
+    ),
+    "cx": (-MOST_PIXELS, MOST_PIXELS, _CUT % "columns"),
+    "cy": (-MOST_PIXELS, MOST_PIXELS, _CUT % "rows"),
 }
 
 
@@ -55,14 +62,10 @@ class DepthCamera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        for key, (low, high, remedy) in _LIMITS.items():
+        for key, (low, high, wanted) in _LIMITS.items():
             value, kind = getattr(self, key), int if key in _SIDES else float
             if not is_between(value, low, high) or kind(value) != value:
-                whole = "whole " if kind is int else ""
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be a {whole}number from "
-                    f"{low:g} to {high:g}; {remedy}"
-                )
+                raise BadInput(f"{key} {value} of {self.name} must be {wanted}")
             object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
