@@ -191,7 +191,6 @@ class Answer:
         return None, {**state, "_verdict": self._verdict._replace(why=kept)}
 
     def __repr__(self) -> str:
-        """Say the status and its core."""
         if self.status == HOLDING:
             return f"Answer(holding: {self.reason})"
         return f"Answer({self.status}, {len(self.path)} points, goal {self.goal})"
@@ -236,5 +235,4 @@ class Freedom:
     reason: str = ""
 
     def __bool__(self) -> bool:
-        """Return `free`."""
         return self.free

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -48,7 +48,7 @@ _FIRST_S = 10.0  # a scheduler that was never there is not waited for longer
 PATIENCE_S = 60.0  # a scheduler that went away may come back within
 
 
-class Cluster:
+class Cluster(AbstractContextManager):
     """Does chunks on a Dask cluster.
 
     Args:
@@ -125,11 +125,7 @@ class Cluster:
             self._starting = None
         return self
 
-    def __enter__(self) -> "Cluster":
-        return self
-
     def __exit__(self, *_: object) -> None:
-        """Leave the user's cluster as it is; end one that was made here."""
         self.close()
 
     def close(self) -> None:

@@ -50,7 +50,6 @@ class LookupContext:
         self._context = context
 
     def __getattr__(self, name: str) -> object:
-        """Return what numba's own has."""
         return getattr(self._context, name)
 
     def resolve_function_type(
@@ -104,7 +103,6 @@ class SharedFlagsPasses:
         self._passes = passes
 
     def __getattr__(self, name: str) -> object:
-        """Return what numba's own has."""
         return getattr(self._passes, name)
 
     def run(self, state: object) -> None:

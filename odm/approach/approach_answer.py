@@ -86,7 +86,6 @@ class Approach:
     motions: int = 0
 
     def __bool__(self) -> bool:
-        """Return True where a motion was proved."""
         return self.reason is None
 
     @property

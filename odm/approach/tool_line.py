@@ -17,7 +17,7 @@ from roadmap.arrays import writable
 from roadmap.kinematics import _forward as kernels
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.forward import difference
-from roadmap.kinematics.joint_tree import JOINT, KIND, PARENT, REVOLUTE
+from roadmap.kinematics.joint_tree import REVOLUTE
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.robot.robot import Robot
 
@@ -88,16 +88,9 @@ class ToolKinematics:
         body = np.array([robot.tip_body], np.int32)
         self._reach = point_reach(robot.tree_i, robot.tree_f, span, body, tip)
         self._reach.setflags(write=False)
-        self._turns = np.zeros(robot.dof)
-        chain = []
-        b = int(robot.tip_body)
-        while b > 0:
-            if robot.tree_i[b, JOINT] >= 0:
-                chain.append(b)
-            if robot.tree_i[b, KIND] == REVOLUTE:
-                self._turns[robot.tree_i[b, JOINT]] += abs(robot.tree_f[b, 15])
-            b = int(robot.tree_i[b, PARENT])
-        self._chain = np.array(chain)
+        self._turns, chain = np.zeros(robot.dof), self._descent.chain
+        for (kind, j), (factor, _) in zip(chain.kind, chain.scale, strict=True):
+            self._turns[self._descent.rows[j]] += abs(factor) * (kind == REVOLUTE)
         n = len(robot.tree_i)
         self._frames, self._rates = np.empty((n, 12)), np.empty((2, n))
         self._first, self._second = np.empty(1), np.empty(1)
@@ -120,27 +113,8 @@ class ToolKinematics:
 
         For fewer than six joints: of J^T J.
         """
-        robot = self.robot
-        kernels.body_frames(robot.tree_i, robot.tree_f, q, self._frames)
-        frames = self._frames[self._chain]
-        R = frames[:, :9].reshape(-1, 3, 3)
-        z = np.einsum("nij,nj->ni", R, robot.tree_f[self._chain, 12:15])
-        z *= robot.tree_f[self._chain, 15:16]
-        tip = self._frames[robot.tip_body]
-        arm = tip[:9].reshape(3, 3) @ robot.T_body_tip[:3, 3] + tip[9:] - frames[:, 9:]
-        turns = (robot.tree_i[self._chain, KIND] == REVOLUTE)[:, None]
-        linear = np.stack(
-            [
-                z[:, 1] * arm[:, 2] - z[:, 2] * arm[:, 1],
-                z[:, 2] * arm[:, 0] - z[:, 0] * arm[:, 2],
-                z[:, 0] * arm[:, 1] - z[:, 1] * arm[:, 0],
-            ],
-            axis=1,
-        )
-        J = np.zeros((robot.dof, 6))
-        rows = np.hstack([np.where(turns, linear, z), np.where(turns, z, 0.0)])
-        np.add.at(J, robot.tree_i[self._chain, JOINT], rows)
-        square = J.T @ J if robot.dof >= 6 else J @ J.T
+        J = self._descent.jacobian(q)
+        square = J @ J.T if self.robot.dof >= 6 else J.T @ J
         return math.sqrt(max(0.0, float(np.linalg.det(square))))
 
     def reach(self, pose: np.ndarray, q: np.ndarray) -> tuple[bool, float, float]:

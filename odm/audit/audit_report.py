@@ -1,6 +1,6 @@
 """What an audit found: cases that can be run again, and sums over all pairs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -29,7 +29,6 @@ class Case:
     distance: float
 
     def __str__(self) -> str:
-        """Return one line for a report."""
         what = f"edge {self.motion}" if self.motion >= 0 else f"node {-1 - self.motion}"
         return (
             f"{self.distance * 1e3:7.2f} mm: {what} at t = {self.t:.6f}, {self.link} "
@@ -82,11 +81,7 @@ class AuditReport:
 
     def as_dict(self) -> dict:
         """Return everything but the poses as plain JSON data."""
-        names = (
-            "asked", "pairs", "free", "boundary", "violations", "unresolved",
-            "smallest", "m", "seed", "seconds", "sabotage", "complete",
-        )  # fmt: skip
-        plain = {name: getattr(self, name) for name in names}
+        plain = {f.name: getattr(self, f.name) for f in fields(self)}
         plain["smallest"] = _number(self.smallest)
         families = {k: [*v[:3], _number(v[3])] for k, v in self.families.items()}
         worst = [str(case) for case in self.worst]
@@ -98,7 +93,6 @@ class AuditReport:
         }
 
     def __str__(self) -> str:
-        """Return the verdict in one sentence."""
         verdict = "passed" if self.passed else "FAILED"
         if not self.complete and not self.violations:
             verdict = "was interrupted"

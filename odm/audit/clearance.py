@@ -10,8 +10,8 @@ from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
 from odm.audit.audit_library import draw_arms
 from odm.audit.exact import gather
-from odm.cell_map._sweep import Lists, sweep_nodes
 from odm.cell_map.cell_map import ROUNDING, CellMap
+from odm.cell_map.chunk_work import at_rest, swept_cells
 from odm.cell_map.sweep import swept_by
 from odm.close_test._arm import Clearance, make_work
 from odm.close_test.close_test import NO_SOLIDS
@@ -162,12 +162,9 @@ def _still_words(cell_map: CellMap, auditor: Auditor, edge: int) -> np.ndarray:
     safety = cell_map.safety
     t = np.linspace(0.0, 1.0, _STILL)[:, None]
     q = asked.nodes[asked.edges[edge, 0]] + t * asked.dq[edge]
-    room = _STILL * grid.n_blocks
-    counts = np.empty(_STILL, np.int64)
-    blocks, masks = np.empty(room, np.uint32), np.empty(room, np.uint64)
     radii = arm.spheres[:, 3] + safety.rho + safety.m + ROUNDING
     swept = swept_by(arm, radii, 0.5 * safety.mu, grid)
-    end = sweep_nodes(swept, q, Lists(counts, blocks, masks))
+    _, blocks, masks = swept_cells(swept, *at_rest(swept, q))
     words = np.zeros(grid.n_blocks, np.uint64)
-    np.bitwise_or.at(words, blocks[:end], masks[:end])
+    np.bitwise_or.at(words, blocks, masks)
     return words

@@ -9,9 +9,10 @@ out too large by up to 0.4 mm (never too small); mesh models are hollow. So hull
 import numpy as np
 
 from odm.obstacles import shapes as solid
+from odm.obstacles.robot_surface import solids_of
 from roadmap.geometry.solids import hull_facets
 from roadmap.kinematics.forward import body_frames
-from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
+from roadmap.robot.robot import Robot
 
 
 class FclRobot:
@@ -22,12 +23,10 @@ class FclRobot:
 
         self._fcl = fcl
         self.robot = robot
-        body = robot.link_body[robot.solid_link]
-        self._used = np.flatnonzero(body > 0)
-        self._body = body[self._used]
-        self._objects = [
-            fcl.CollisionObject(_robot_geometry(robot, i)) for i in self._used
-        ]
+        body = robot.link_body[robot.solid_link].tolist()
+        parts = [p for p in zip(solids_of(robot), body, strict=True) if p[1] > 0]
+        self._places = [(shape.T_base_shape, b) for shape, b in parts]
+        self._objects = [fcl.CollisionObject(geometry_of(one)) for one, _ in parts]
         self._obstacles, self._manager = [], None
 
     def set_obstacles(self, shapes: list[solid.Shape]) -> None:
@@ -67,9 +66,8 @@ class FclRobot:
 
     def _place(self, q: np.ndarray) -> None:
         poses = body_frames(self.robot, q)
-        for k, i in enumerate(self._used):
-            T = poses[self._body[k]] @ self.robot.solid_pose[i]
-            self._objects[k].setTransform(_transform(T))
+        for item, (T, b) in zip(self._objects, self._places, strict=True):
+            item.setTransform(_transform(poses[b] @ T))
 
 
 def geometry_of(shape: solid.Shape) -> object:
@@ -87,30 +85,9 @@ def geometry_of(shape: solid.Shape) -> object:
         return fcl.Cylinder(shape.radius, shape.length)
     if isinstance(shape, solid.Box):
         return fcl.Box(*shape.size)
-    return convex_geometry(shape.vertices)
-
-
-def convex_geometry(points: np.ndarray) -> object:
-    """Return `fcl.Convex` around points (n, 3), its facets turned outwards."""
-    import fcl
-
-    used, faces = np.unique(hull_facets(points), return_inverse=True)
-    rows = np.insert(faces.reshape(-1, 3), 0, 3, axis=1)
-    return fcl.Convex(points[used], len(rows), rows.ravel())
-
-
-def _robot_geometry(robot: Robot, i: int) -> object:
-    import fcl
-
-    kind, size = robot.solid_kind[i], robot.solid_size[i]
-    if kind == HULL:
-        rows = slice(robot.solid_ptr[i], robot.solid_ptr[i + 1])
-        return convex_geometry(robot.solid_points[rows])
-    if kind == BOX:
-        return fcl.Box(*size)
-    if kind == CYLINDER:
-        return fcl.Cylinder(size[0], size[1])
-    return fcl.Sphere(size[0])
+    used, faces = np.unique(hull_facets(shape.vertices), return_inverse=True)
+    rows = np.insert(faces.reshape(-1, 3), 0, 3, axis=1)  # facets turned outwards
+    return fcl.Convex(shape.vertices[used], len(rows), rows.ravel())
 
 
 def _transform(T: np.ndarray) -> object:

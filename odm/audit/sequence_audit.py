@@ -78,7 +78,6 @@ class SequenceReport:
         return plain | {"smallest": smallest} | shares
 
     def __str__(self) -> str:
-        """Return the verdict in one sentence."""
         verdict = "passed" if self.passed else "FAILED"
         if not self.complete and not self.wrong:
             verdict = "was interrupted"

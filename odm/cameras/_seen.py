@@ -78,6 +78,13 @@ def clip_image(left, right, low, high, lens, table, out):
 
 
 @njit(**INNER)
+def spread(pose, at, slope):
+    """Return the sum of |a - slope c| over row a of a pose (12,) and its last row c."""
+    x, y = abs(pose[at] - slope * pose[6]), abs(pose[at + 1] - slope * pose[7])
+    return x + y + abs(pose[at + 2] - slope * pose[8])
+
+
+@njit(**INNER)
 def place_cube(sight, center, half, out):
     """Write where a cube's image lies.
 
@@ -104,24 +111,8 @@ def place_cube(sight, center, half, out):
     y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
     sx, sy = x / z, y / z
     grow = half / (z - deep)
-    wide = (
-        lens[0]
-        * grow
-        * (
-            abs(pose[0] - sx * pose[6])
-            + abs(pose[1] - sx * pose[7])
-            + abs(pose[2] - sx * pose[8])
-        )
-    )
-    tall = (
-        lens[1]
-        * grow
-        * (
-            abs(pose[3] - sy * pose[6])
-            + abs(pose[4] - sy * pose[7])
-            + abs(pose[5] - sy * pose[8])
-        )
-    )
+    wide = lens[0] * grow * spread(pose, 0, sx)
+    tall = lens[1] * grow * spread(pose, 3, sy)
     u, v = lens[2] + lens[0] * sx, lens[3] + lens[1] * sy
     how = clip_image(u - wide, u + wide, v - tall, v + tall, lens, table, out)
     return how, limit_of(z + deep, lens)

@@ -17,6 +17,21 @@ LEAST_DEPTH = 0.03  # [m] no camera reads less
 _STEEPEST = (
     75.0  # degrees between a surface's normal and the ray: raw points hold there
 )
+_SIDES = ("width", "height")
+_SIDE = f"a whole number of pixels from 8 to {MOST_PIXELS}; take the size of its images"
+_ABOVE = "above 0; take it from the camera's calibration"
+_CUT = (
+    f"a number of pixels from {-MOST_PIXELS} to {MOST_PIXELS}; take it from the "
+    "calibration, less the %s that were cut off before the image"
+)
+_LIMITS = {
+    **dict.fromkeys(_SIDES, (8, MOST_PIXELS, _SIDE)),
+    **dict.fromkeys(
+        ("fx", "fy", "scale"), (math.nextafter(0.0, 1.0), MOST_NUMBER, _ABOVE)
+    ),
+    "cx": (-MOST_PIXELS, MOST_PIXELS, _CUT % "columns"),
+    "cy": (-MOST_PIXELS, MOST_PIXELS, _CUT % "rows"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,31 +62,11 @@ class DepthCamera:
     name: str = "camera"
 
     def __post_init__(self) -> None:
-        for key in ("width", "height"):
-            value = getattr(self, key)
-            if not (is_between(value, 8, MOST_PIXELS) and int(value) == value):
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be a whole number of pixels "
-                    f"from 8 to {MOST_PIXELS}; take the size of its images"
-                )
-            object.__setattr__(self, key, int(value))
-        for key in ("fx", "fy", "scale"):
-            value = getattr(self, key)
-            if not (is_between(value, 0.0, MOST_NUMBER) and value > 0.0):
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be above 0; take it from the "
-                    "camera's calibration"
-                )
-            object.__setattr__(self, key, float(value))
-        for key, cut in (("cx", "columns"), ("cy", "rows")):
-            value = getattr(self, key)
-            if not is_between(value, -MOST_PIXELS, MOST_PIXELS):
-                raise BadInput(
-                    f"{key} {value} of {self.name} must be a number of pixels from "
-                    f"{-MOST_PIXELS} to {MOST_PIXELS}; take it from the calibration, "
-                    f"less the {cut} that were cut off before the image"
-                )
-            object.__setattr__(self, key, float(value))
+        for key, (low, high, wanted) in _LIMITS.items():
+            value, kind = getattr(self, key), int if key in _SIDES else float
+            if not is_between(value, low, high) or kind(value) != value:
+                raise BadInput(f"{key} {value} of {self.name} must be {wanted}")
+            object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
 

@@ -66,16 +66,7 @@ class CellBuffers:
 
     def cells(self) -> Cells:
         """Return the arrays of the present frame as compiled loops take them."""
-        names = ("blocked", "inner", "closed", "full", "beyond")
-        sets = {name: getattr(self, name) for name in names}
-        return Cells(
-            **sets,
-            state=self.state,
-            hit=self.hit,
-            eighths=self.eighths,
-            origin=self.origin,
-            h=self.h,
-        )
+        return Cells(**{name: getattr(self, name) for name in Cells._fields})
 
     def swap(self) -> None:
         """Let what is seen now be what was seen before."""

@@ -254,31 +254,12 @@ def remove_words(nodes, node, words):
         words[nodes.block[k]] &= ~nodes.mask[k]
 
 
-@njit(**FULL)
-def sweep_nodes(swept, q, lists):
-    """Sweep configurations `q` (k, dof) into lists; returns the number of entries.
-
-    -1: the lists are too short; -2: a cell lies outside the grid.
-    """
-    scratch = sweep_scratch(swept.arm, swept.grid, q.shape[1])
-    still = np.zeros(q.shape[1])
-    end = 0
-    for k in range(q.shape[0]):
-        if not sweep_motion(swept, q[k], still, scratch):
-            return -2
-        start = end
-        end = take_words(scratch.words, lists, start)
-        if end < 0:
-            return -1
-        lists.counts[k] = end - start
-    return end
-
-
 @njit(**LEAN)
 def sweep_edges(swept, q, dq, ends, nodes, lists):
     """Sweep motions q[k] + t dq[k], less the cells of their two end nodes.
 
-    `ends` (k, 2) are node ids, or -1 to keep all cells. Returns as sweep_nodes.
+    `ends` (k, 2) are node ids, or -1 to keep all cells. Returns the number of entries;
+    -1: the lists are too short; -2: a cell lies outside the grid.
     """
     scratch = sweep_scratch(swept.arm, swept.grid, q.shape[1])
     end = 0

@@ -13,7 +13,6 @@ LOOPS = (
     occupancy.mark_points,
     occupancy.sort_points,
     static.motions_free,
-    sweep.sweep_nodes,
     sweep.sweep_edges,
 )
 

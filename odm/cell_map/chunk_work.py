@@ -31,14 +31,9 @@ def motion_job(robot: Robot, scenery: Scenery, safety: Safety, stage: str) -> Jo
     return Job(f"{__name__}:test_motions", f"{__name__}:static_test", spec, stage, 2)
 
 
-def node_job(swept: sweep.Swept) -> Job:
-    """Return the job of sweeping configurations (k, dof)."""
-    return Job(f"{__name__}:cells_of_nodes", f"{__name__}:as_it_is", swept, "node", 1)
-
-
-def edge_job(swept: sweep.Swept) -> Job:
+def sweep_job(swept: sweep.Swept, stage: str) -> Job:
     """Return the job of sweeping motions less the cells of their two nodes."""
-    return Job(f"{__name__}:cells_of_edges", f"{__name__}:as_it_is", swept, "edge", 3)
+    return Job(f"{__name__}:swept_cells", f"{__name__}:as_it_is", swept, stage, 3)
 
 
 def static_test(spec: StaticTestSpec, threads: int = 1) -> StaticTest:
@@ -58,12 +53,15 @@ def test_motions(
     return (test.motions_free(q, dq),)
 
 
-def cells_of_nodes(swept: sweep.Swept, q: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return counts (k,), blocks and masks of configurations (k, dof)."""
-    return _lists(swept, len(q), lambda out: sweep.sweep_nodes(swept, q, out))
+def at_rest(swept: sweep.Swept, q: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return what `swept_cells` takes of configurations (k, dof)."""
+    kind = block_type(np.prod(swept.grid.shape))
+    ends, ptr = np.full((len(q), 2), -1), np.zeros(1, np.int64)
+    nothing = np.zeros(0, kind), np.zeros(0, np.uint64)
+    return np.array(q), np.zeros(q.shape), ends, ptr, *nothing
 
 
-def cells_of_edges(
+def swept_cells(
     swept: sweep.Swept,
     q: np.ndarray,
     dq: np.ndarray,
@@ -75,20 +73,14 @@ def cells_of_edges(
     """Return counts (k,), blocks and masks of motions q + t dq, (k, dof) each.
 
     `ends` (k, 2) are the rows of `ptr`, `block` and `mask` that hold the cells of a
-    motion's two nodes, which are left out.
+    motion's two nodes, which are left out; -1: there are none.
     """
-    nodes = sweep.ItemCells(ptr, block, mask)
-    motions = swept, q, dq, ends, nodes
-    return _lists(swept, len(q), lambda out: sweep.sweep_edges(*motions, out))
-
-
-def _lists(swept: sweep.Swept, size: int, job) -> tuple:  # noqa: ANN001
-    kind = block_type(np.prod(swept.grid.shape))
-    room = _ENTRIES * size
+    nodes, room = sweep.ItemCells(ptr, block, mask), _ENTRIES * len(q)
     while True:
-        counts = np.empty(size, np.int64)
-        blocks, masks = np.empty(room, kind), np.empty(room, np.uint64)
-        end = job(sweep.Lists(counts, blocks, masks))
+        counts = np.empty(len(q), np.int64)
+        blocks, masks = np.empty(room, block.dtype), np.empty(room, np.uint64)
+        lists = sweep.Lists(counts, blocks, masks)
+        end = sweep.sweep_edges(swept, q, dq, ends, nodes, lists)
         if end == -2:
             raise BuildRefused(
                 "the robot sweeps a cell outside the workspace grid, which is a "

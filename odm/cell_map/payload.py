@@ -26,7 +26,6 @@ from roadmap.loading.held_link import polytope_around, with_payload
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
 from roadmap.transforms import moved_points, pose_of
 
-_NO_POINTS = np.empty((0, 3))
 _ROUNDING = 1e-9  # [m] an object as large as the envelope fits
 _EXCESS = 0.01  # [m] how far the spheres of an object may stick out of it
 _NO_HAND_HOLDS = 10.0  # [m] larger, and the lengths are in another unit
@@ -36,8 +35,8 @@ def envelope_solid(recipe: PayloadRecipe) -> Solid:
     """Return the envelope as a solid, posed in the tool frame."""
     T = pose_of(recipe.position, recipe.rpy)
     if recipe.radius is not None:
-        return Solid(SPHERE, 0, T, (recipe.radius, 0.0, 0.0), _NO_POINTS)
-    return Solid(BOX, 0, T, recipe.size, _NO_POINTS)
+        return Solid(SPHERE, 0, T, (recipe.radius, 0.0, 0.0))
+    return Solid(BOX, 0, T, recipe.size)
 
 
 def envelope_robot(robot: Robot, payload: PayloadLayer) -> Robot:
@@ -271,13 +270,13 @@ def _round_spheres(shape: shapes.Sphere | shapes.Capsule) -> np.ndarray:
 def _solid_of(shape: shapes.Box | shapes.Cylinder | shapes.Mesh) -> Solid:
     T = np.array(shape.T_base_shape)
     if isinstance(shape, shapes.Box):
-        return Solid(BOX, 0, T, tuple(shape.size.tolist()), _NO_POINTS)
+        return Solid(BOX, 0, T, tuple(shape.size.tolist()))
     if isinstance(shape, shapes.Cylinder):
-        return Solid(CYLINDER, 0, T, (shape.radius, shape.length, 0.0), _NO_POINTS)
+        return Solid(CYLINDER, 0, T, (shape.radius, shape.length, 0.0))
     try:
         corners = hull_corners(np.asarray(shape.vertices))
     except Exception as error:  # qhull's own error class
         raise BadInput(
             "the object's mesh is flat, so it has no volume; give it thickness"
         ) from error
-    return Solid(HULL, 0, T, (0.0, 0.0, 0.0), corners)
+    return Solid(HULL, 0, T, points=corners)

@@ -7,7 +7,7 @@ import numpy as np
 from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING
-from odm.cell_map.chunk_work import edge_job, node_job
+from odm.cell_map.chunk_work import at_rest, sweep_job
 from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
@@ -49,10 +49,11 @@ def sweep_roadmap(
     tell = progress or (lambda stage, done, total: None)
     n, m = roadmap.n_nodes, roadmap.n_edges
     starts = range(0, n, CHUNK)
-    parts = (Chunk(k, (roadmap.nodes[k : k + CHUNK],)) for k in starts)
-    found = workers.map(node_job(swept), parts)
+    parts = (Chunk(k, at_rest(swept, roadmap.nodes[k : k + CHUNK])) for k in starts)
+    found = workers.map(sweep_job(swept, "node"), parts)
     nodes = _collected(found, grid, n, tell, "nodes")
-    found = workers.map(edge_job(swept), _edge_chunks(robot, roadmap, nodes))
+    parts = _edge_chunks(robot, roadmap, nodes)
+    found = workers.map(sweep_job(swept, "edge"), parts)
     edges = _collected(found, grid, m, tell, "edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])

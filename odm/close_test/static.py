@@ -5,6 +5,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -94,10 +95,7 @@ class StaticTest:
         self.place = NOWHERE
         self.place_cloud = self.cloud_of(self.place.points)
         self.set_extra(0.0)
-        self.work = self.new_work()
-        self.own_scratch = (
-            threading.local()
-        )  # scratch of each thread that tests motions
+        self.own = _Own(self)
 
     def set_place(self, place: Place) -> int:
         """Take what stands at this place; return how many points lie outside."""
@@ -130,8 +128,8 @@ class StaticTest:
             other.skip[~held, -6:] = True  # the other bodies stay inside anyway
         grown = self.scenery.covering_radius + self.safety.m
         other.radii = other.arm.spheres[:, 3] + grown
-        other.work = other.new_work()
-        other.own_scratch = threading.local()
+        other.own = _Own(other)
+        vars(other).pop("sphere_links", None)
         other.set_extra(self.extra)
         return other
 
@@ -144,7 +142,7 @@ class StaticTest:
         other = copy(self)
         other.skip = self.skip.copy()
         other.skip[self.robot.tip_body, solid] = True
-        other.work, other.own_scratch = other.new_work(), threading.local()
+        other.own = _Own(other)
         return other
 
     def set_extra(self, extra: float) -> None:
@@ -231,15 +229,11 @@ class StaticTest:
         """Return the link that a sphere of the moving robot belongs to."""
         return self.sphere_links[sphere]
 
-    @property
+    @cached_property
     def sphere_links(self) -> list[str]:
         """Links of all spheres of the moving robot, in their order."""
-        known = getattr(self.own_scratch, "links", None)
-        if known is None or known[0] is not self.robot:
-            owner, names = self.robot.sphere_link, self.robot.link_names
-            links = [names[k] for k in owner[moving_order(self.robot)].tolist()]
-            known = self.own_scratch.links = (self.robot, links)
-        return known[1]
+        owner, names = self.robot.sphere_link, self.robot.link_names
+        return [names[k] for k in owner[moving_order(self.robot)].tolist()]
 
     def still(self, more: float = 0.0, nearer: float = 0.0) -> kernels.Still:
         """Return all that stands still, with the scratch of this thread."""
@@ -248,18 +242,15 @@ class StaticTest:
         if grown:
             radii, place_radii = radii + grown, place_radii + grown
             bare = bare + grown
-        if not hasattr(self.own_scratch, "work"):
-            self.own_scratch.work = self.new_work()
-        work = self.own_scratch.work
         return kernels.Still(
             itself=self.itself.model,
             margin=MARGIN + 2.0 * more,
             tolerance=TOLERANCE,
             finest=self.finest,
             solids=self._solids(grown),
-            scenery=Clearance(self.arm, radii, radii, self.tolerance, work),
+            scenery=Clearance(self.arm, radii, radii, self.tolerance, self.work),
             cloud=self.cloud,
-            place=Clearance(self.arm, place_radii, bare, self.tolerance, work),
+            place=Clearance(self.arm, place_radii, bare, self.tolerance, self.work),
             place_cloud=self.place_cloud,
             shapes=NO_SOLIDS,
             place_shapes=self.place.solids,
@@ -267,9 +258,12 @@ class StaticTest:
 
     def scratch(self) -> SelfWork:
         """Return the scratch of this thread for tests of the robot against itself."""
-        if not hasattr(self.own_scratch, "scratch"):
-            self.own_scratch.scratch = self.itself.scratch()
-        return self.own_scratch.scratch
+        return self.own.scratch
+
+    @property
+    def work(self) -> Work:
+        """The scratch of this thread for all other tests."""
+        return self.own.work
 
     def new_work(self) -> Work:
         """Return scratch for one thread of tests."""
@@ -292,6 +286,13 @@ class StaticTest:
             )
         occupancy.sort_points(points, cloud)
         return cloud
+
+
+class _Own(threading.local):
+    """Scratch of each thread that tests motions."""
+
+    def __init__(self, test: StaticTest) -> None:
+        self.work, self.scratch = test.new_work(), test.itself.scratch()
 
 
 def _fenced(scenery: Scenery, grid: WorkspaceGrid, safety: Safety) -> Scenery:

@@ -41,7 +41,6 @@ class RobotSpheres:
         self.motion_bounds = frozen(bounds, np.float64)
 
     def __len__(self) -> int:
-        """Return the number of spheres."""
         return len(self.radii)
 
     def at(self, q: np.ndarray, T_world_base: np.ndarray | None = None) -> np.ndarray:

@@ -126,13 +126,8 @@ def box_gap(row, x, y, z):
             gy += sign * over * ry
             gz += sign * over * rz
     if best < _FLAT:
-        a = best_axis
-        return (
-            best,
-            best_sign * row[3 + a],
-            best_sign * row[6 + a],
-            (best_sign * row[9 + a]),
-        )
+        a, s = best_axis, best_sign
+        return best, s * row[3 + a], s * row[6 + a], s * row[9 + a]
     d = math.sqrt(total)
     return d, gx / d, gy / d, gz / d
 

@@ -158,7 +158,6 @@ class Obstacles:
         self.labels, self.classes = {}, None
 
     def __repr__(self) -> str:
-        """Tell how many there are of each kind."""
         counts = [*zip(self._counts.tolist(), KINDS, strict=True)]
         told = [f"{n} {k}" for n, k in (*counts, (len(self.points), "points")) if n]
         return f"Obstacles({', '.join(told)})"
@@ -207,7 +206,6 @@ class Obstacles:
         return cls(**plain, meshes=rows["meshes"], points=points)
 
     def __len__(self) -> int:
-        """Return how many shapes there are."""
         return self._size
 
     capsules = _written_in_place("capsules", "(k, 7) ends a and b and radius")

@@ -156,11 +156,9 @@ class PointCloud:
         return points if not self.cropped else points[inside]
 
     def __len__(self) -> int:
-        """Return how many points are left."""
         return len(self.points)
 
     def __repr__(self) -> str:
-        """Say what was done."""
         trouble = "" if self.trouble is None else f"; of no use: {self.trouble}"
         return (
             f"PointCloud({len(self)} points, covering radius "

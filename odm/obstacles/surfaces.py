@@ -6,6 +6,7 @@ nearest sample. It is what the safety argument (design step 4) needs: a map buil
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from roadmap.ranges import is_between
 from roadmap.transforms import check_pose, moved_points
 
 MOST_POINTS = 20_000_000  # of one shape
+_SIDES = (-0.5, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,20 +121,14 @@ def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
     check_spacing(spacing)
     rho, size = spacing * SHRINK, box.size
     lines = [_edge(length, rho) for length in size]
-    parts = []
-    for axis in range(3):
+    parts = [_box_points(size, rho)]
+    for axis, side, other in product(range(3), _SIDES, _SIDES):
+        # the edge along v, where two faces meet; its ends are the corners
         u, v = (axis + 1) % 3, (axis + 2) % 3
-        face = face_points(size[u], size[v], rho) - 0.5 * size[[u, v]]
-        for side in (-0.5, 0.5):
-            points = np.empty((len(face), 3))
-            points[:, [u, v]], points[:, axis] = face, side * size[axis]
-            parts.append(points)
-            for other in (-0.5, 0.5):
-                # the edge along w, where two faces meet; its ends are the corners
-                edge = np.empty((len(lines[v]), 3))
-                edge[:, axis], edge[:, u] = side * size[axis], other * size[u]
-                edge[:, v] = lines[v]
-                parts.append(edge)
+        edge = np.empty((len(lines[v]), 3))
+        edge[:, axis], edge[:, u] = side * size[axis], other * size[u]
+        edge[:, v] = lines[v]
+        parts.append(edge)
     points = moved_points(np.concatenate(parts), box.T_base_shape)
     return Surface(points, spacing, "box", closed=True)
 
@@ -270,7 +266,7 @@ def _box_points(size, rho):
         face = face_points(size[others[0]], size[others[1]], rho)
         points = np.empty((len(face), 3))
         points[:, others] = face - 0.5 * size[others]
-        for side in (-0.5, 0.5):
+        for side in _SIDES:
             points[:, axis] = side * size[axis]
             parts.append(points.copy())
     return np.concatenate(parts)

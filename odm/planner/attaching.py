@@ -11,6 +11,7 @@ from odm.close_test.static import ONLINE_TOLERANCE
 from odm.frame.frame import Frame
 from odm.planner.cached_goals import CachedGoals
 from odm.planner.path import CandidatePath, Candidates, PathInUse
+from odm.planner.saved_memory import Remembering
 from odm.planner.settings import AttachSettings, PlannerSettings
 from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
@@ -20,13 +21,9 @@ from odm.search.state import point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _NONE = np.zeros(0, np.int64)
-# what is saved beside arrays
-_STATE = dict.fromkeys(("next_vertex", "_path_first", "_rounds"), int) | dict.fromkeys(
-    ("without_cells", "is_stale", "start_waits", "is_bare", "_passes"), bool
-)
 
 
-class Attacher:
+class Attacher(Remembering):
     """The goals, and the motions that join goals and starts to the roadmap.
 
     Motions are items of the pool: lists of cells, which each frame tests anew. They are
@@ -48,6 +45,11 @@ class Attacher:
         start_waits: Whether the start lacks motions yet; see `attach_more`.
         is_bare: Whether the start's motions lack their cells yet; see `sweep_cells`.
     """
+
+    REMEMBERED = (
+        "goals", "next_vertex", "without_cells", "is_stale", "start_waits", "is_bare",
+        "_passes", "_path_first", "_rounds", "_direct_from", "_refused",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -828,26 +830,22 @@ class Attacher:
 
     def save(self) -> dict[str, np.ndarray]:
         """Return what is remembered of goals and start beside their arrays."""
-        state = [getattr(self, name) for name in _STATE]
         later = [np.r_[vertex, ids] for vertex, ids in self._later.items()]
-        return {
-            "later": np.concatenate([_NONE, *later]),
-            "later_sizes": np.array([len(one) for one in later], np.int64),
-            "goals": self.goals.copy(),
-            "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
-            "state": np.array(state, np.int64),
-            "direct_from": self._direct_from.copy(),
-            "refused": self._refused.copy(),
-        } | {f"kept_{k}": array for k, array in self.kept.save().items()}
+        kept = {f"kept_{k}": array for k, array in self.kept.save().items()}
+        return (
+            super().save()
+            | kept
+            | {
+                "later": np.concatenate([_NONE, *later]),
+                "later_sizes": np.array([len(one) for one in later], np.int64),
+                "costs": np.zeros(0) if self.costs is None else self.costs.copy(),
+            }
+        )
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up goals and a start whose arrays were loaded."""
-        for (name, kind), value in zip(_STATE.items(), saved["state"], strict=True):
-            setattr(self, name, kind(value))
-        self.goals = saved["goals"].copy()
+        super().load(saved)
         self.costs = saved["costs"].copy() if len(saved["costs"]) else None
-        self._direct_from[:] = saved["direct_from"]
-        self._refused = saved["refused"].copy()
         rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]
         self._later = {int(row[0]): row[1:].copy() for row in rows}
         known = not np.isnan(self.q_attached).any()

@@ -24,7 +24,6 @@ class CachedGoals:
         self._row_of: dict[bytes, int] = {}  # by configuration; last used last
 
     def __contains__(self, q: np.ndarray) -> bool:
-        """Return whether a goal is kept."""
         return q.tobytes() in self._row_of
 
     def clear(self) -> None:

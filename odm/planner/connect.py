@@ -14,6 +14,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
+from odm.planner.saved_memory import Remembering
 from odm.planner.settings import ConnectSettings
 from odm.search import _connect as kernels
 from odm.search._state import NO_ITEM
@@ -35,7 +36,7 @@ class FoundPath(NamedTuple):
     item: list[int]
 
 
-class Connector:
+class Connector(Remembering):
     """Looks for paths beyond the roadmap, and remembers those that it found.
 
     A frame looks at `budget` configurations; 0: it never searches.
@@ -48,6 +49,11 @@ class Connector:
             0: none.
         is_new: The last frame without a path was the first from there to these goals.
     """
+
+    REMEMBERED = (
+        "_root", "_goals", "_place", "_asked", "looked", "frames_to_persist",
+        "lacks_cells",
+    )  # fmt: skip
 
     def __init__(
         self, frame: Frame, path: PathInUse, attacher: Attacher, budget: int
@@ -286,24 +292,7 @@ class Connector:
 
     # --- memory -----------------------------------------------------------------
 
-    def save(self) -> dict[str, np.ndarray]:
-        """Return what is remembered beside the trees and the paths."""
-        return {
-            "root": np.frombuffer(self._root, np.uint8),
-            "goals": np.frombuffer(self._goals, np.uint8),
-            "place": np.frombuffer(self._place, np.uint8),
-            "counts": np.array(
-                [self._asked, self.looked, self.frames_to_persist, self.lacks_cells],
-                np.int64,
-            ),
-        }
-
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up trees and paths whose arrays were loaded."""
-        self._root, self._goals = saved["root"].tobytes(), saved["goals"].tobytes()
-        self._place, self.is_new = saved["place"].tobytes(), False
-        self._asked, self.looked, self.frames_to_persist, lacks = saved[
-            "counts"
-        ].tolist()
-        self.lacks_cells = bool(lacks)
-        self._vertices = set(self.found.vertex.ravel().tolist())
+        super().load(saved)
+        self.is_new, self._vertices = False, set(self.found.vertex.ravel().tolist())

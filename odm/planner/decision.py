@@ -11,6 +11,7 @@ import numpy as np
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
+from odm.planner.saved_memory import Remembering
 from odm.search import _step as step
 
 NEW_GOALS = "new goals"  # and the robot stands
@@ -44,7 +45,7 @@ _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
 
 
-class Decision:
+class Decision(Remembering):
     """Decides what a frame comes to.
 
     The common frame is one compiled call (`odm/search/_step.py::respond`); what it
@@ -57,6 +58,8 @@ class Decision:
         joined: The last frame joined q, or goals, to the roadmap.
         is_tight: No frame may be answered as it is taken; see `tight_ends`.
     """
+
+    REMEMBERED = ("new_goals", "_looked", "only_seen")
 
     def __init__(
         self, frame: Frame, path: PathInUse, attacher: Attacher, patience: int
@@ -245,16 +248,3 @@ class Decision:
             return JUMPED
         moved = np.abs(self.frame.difference(robot.before, robot.q)).max()
         return MOVES if moved < self._joining.jump else JUMPED
-
-    def save(self) -> dict[str, np.ndarray]:
-        """Return what came since the last frame, and the last look."""
-        return {
-            "new_goals": np.array(self.new_goals),
-            "looked": np.array(self._looked),
-            "only_seen": np.array(self.only_seen),
-        }
-
-    def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Remember what `save` returned."""
-        self.new_goals, self._looked = bool(saved["new_goals"]), int(saved["looked"])
-        self.only_seen = bool(saved["only_seen"])

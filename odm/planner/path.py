@@ -3,6 +3,7 @@
 import numpy as np
 
 from odm.frame.frame import Frame
+from odm.planner.saved_memory import Remembering
 from odm.search import _paths as kernels
 from odm.search import _step as step
 from odm.search._state import EDITED, NO_ITEM, NO_MOTION
@@ -10,7 +11,7 @@ from odm.search._state import EDITED, NO_ITEM, NO_MOTION
 _TUBE_RADIUS = 0.01  # [m] of the tube around a segment that one static test covers
 
 
-class PathInUse:
+class PathInUse(Remembering):
     """The path that the robot follows: vertices, the items between, and their proof.
 
     Each segment keeps the two ends of the motion that was certified. Whoever writes a
@@ -20,6 +21,8 @@ class PathInUse:
         followed: Whether the frame before led along it.
         item, vertex, q: Of the segments and the corners; see `Path` of the search.
     """
+
+    REMEMBERED = ("followed",)
 
     def __init__(self, frame: Frame) -> None:
         self.frame = frame
@@ -182,13 +185,10 @@ class PathInUse:
         kernels.certify_whole(self._path, 0, self._certificates)
         self._numbers.segment[0] = self._numbers.same[0] = 0
 
-    def save(self) -> dict[str, np.ndarray]:
-        """Return what is remembered beside its arrays."""
-        return {"followed": np.array(self.followed)}
-
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Go on along a path whose arrays were loaded."""
-        self._tube_key, self.followed = b"", bool(saved["followed"])
+        super().load(saved)
+        self._tube_key = b""
 
 
 class CandidatePath(PathInUse):

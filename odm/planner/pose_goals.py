@@ -58,7 +58,6 @@ class GoalReport:
     refused: tuple[Refused, ...] = ()
 
     def __repr__(self) -> str:
-        """Say how many are set and the first reason of what is not."""
         text = f"GoalReport({len(self.goals)} goals set"
         if self.refused:
             first = self.refused[0]

@@ -8,7 +8,7 @@ another one, answers as that one does, byte for byte.
 import hashlib
 import re
 from collections.abc import Mapping
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from roadmap.ranges import check_kind
 _SETTING, _DIGEST = "setting.", "digest"
 # of how it is laid out: another one where any part saves something else, or in another
 # order
-_VERSION = {"version": b"3"}
+_VERSION = {"version": b"4"}
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
 _VERDICTS = (
     "search",
@@ -83,6 +83,30 @@ class Remembers(Protocol):
 
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Remember what `save` returned, and nothing else."""
+
+
+class Remembering:
+    """Remembers its attributes that REMEMBERED names: numbers, bytes and arrays."""
+
+    REMEMBERED: ClassVar[tuple[str, ...]] = ()
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Return copies of what it remembers, by name."""
+        values = ((name, getattr(self, name)) for name in self.REMEMBERED)
+        return {
+            name: np.array(np.frombuffer(v, np.uint8) if isinstance(v, bytes) else v)
+            for name, v in values
+        }
+
+    def load(self, saved: dict[str, np.ndarray]) -> None:
+        """Remember what `save` returned."""
+        for name in self.REMEMBERED:
+            now, value = getattr(self, name), saved[name]
+            if isinstance(now, np.ndarray):
+                setattr(self, name, value.copy())
+            else:
+                is_bytes = isinstance(now, bytes)
+                setattr(self, name, value.tobytes() if is_bytes else value.item())
 
 
 def pack(

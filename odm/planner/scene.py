@@ -216,7 +216,6 @@ class Scene:
         return self._carrier.items.test_waiting(most)
 
     def __repr__(self) -> str:
-        """Tell the objects."""
         return f"Scene({', '.join(self._objects)})"
 
     @property
@@ -227,7 +226,6 @@ class Scene:
     # --- what stands there ---------------------------------------------------------
 
     def __len__(self) -> int:
-        """Return how many objects there are."""
         return len(self._objects)
 
     def __iter__(self) -> Iterator[str]:
@@ -235,7 +233,6 @@ class Scene:
         return iter(tuple(self._objects))
 
     def __contains__(self, name: object) -> bool:
-        """Return whether an object has that name."""
         return name in self._objects
 
     def __getitem__(self, name: str) -> SceneObject:

@@ -19,6 +19,7 @@ from odm.frame.frame import Frame
 from odm.planner import _smooth as smoothing
 from odm.planner.attaching import Attacher
 from odm.planner.path import CandidatePath
+from odm.planner.saved_memory import Remembering
 from odm.planner.settings import PlannerSettings, SmoothingSettings
 from odm.search import _recent as recent
 from roadmap.graph.roadmap import Roadmap
@@ -75,8 +76,10 @@ class Change(NamedTuple):
     corners: np.ndarray
 
 
-class Smoother:
+class Smoother(Remembering):
     """Tests changes of the candidate path, in a fixed order."""
+
+    REMEMBERED = ("_drawn", "_next")
 
     def __init__(
         self,
@@ -109,14 +112,6 @@ class Smoother:
         """Begin the order of the changes again."""
         self._drawn = 0
         self._next = 0  # frame of the next look for a straight motion
-
-    def save(self) -> dict[str, np.ndarray]:
-        """Return how far the order of the changes has come."""
-        return {"drawn": np.array(self._drawn), "next": np.array(self._next)}
-
-    def load(self, saved: dict[str, np.ndarray]) -> None:
-        """Go on in the order of the changes."""
-        self._drawn, self._next = int(saved["drawn"]), int(saved["next"])
 
     def look_straight(self) -> None:
         """Look for a straight motion at once: there are other goals."""

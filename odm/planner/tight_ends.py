@@ -17,6 +17,7 @@ from odm.frame.link_test import LinkTest
 from odm.planner.attaching import Attacher
 from odm.planner.decision import Decision
 from odm.planner.path import PathInUse
+from odm.planner.saved_memory import Remembering
 from odm.planner.settings import TightSettings
 
 _SLOPE = 1e-3  # [rad or m] over which the slope is measured
@@ -32,7 +33,7 @@ class Whole(NamedTuple):
     by_links: tuple[int, ...]  # its legs that the hulls proved
 
 
-class TightEnds:
+class TightEnds(Remembering):
     """Stands in for a start and goals that the cover refuses by places beside them.
 
     Attributes:
@@ -41,6 +42,11 @@ class TightEnds:
         used: Whether such places are looked for.
         held_in: The last frame that held for want of a path.
     """
+
+    REMEMBERED = (
+        "is_on", "held_in", "_begin", "_goals", "_beside",
+        "_asked", "_end", "_tried", "_at", "_step", "_rounds",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -243,24 +249,7 @@ class TightEnds:
 
     # --- memory -----------------------------------------------------------------
 
-    def save(self) -> dict[str, np.ndarray]:
-        """Return what is remembered of the places, the climb and the very goals."""
-        state = [self.is_on, self.held_in, self._end, self._tried, self._rounds]
-        return {
-            "state": np.array(state, np.int64),
-            "step": np.array(self._step),
-            "asked": np.frombuffer(self._asked, np.uint8),
-            "places": np.stack([self._begin, self._at]),
-            "goals": self._goals.copy(),
-            "beside": self._beside.copy(),
-        }
-
     def load(self, saved: dict[str, np.ndarray]) -> None:
         """Take up what was saved; the goals to search for were loaded."""
-        is_on, self.held_in, self._end, self._tried, self._rounds = saved[
-            "state"
-        ].tolist()
-        self.is_on = self.decision.is_tight = bool(is_on)
-        self._step, self._asked = float(saved["step"]), saved["asked"].tobytes()
-        self._begin[:], self._at[:] = saved["places"]
-        self._goals, self._beside = saved["goals"].copy(), saved["beside"].copy()
+        super().load(saved)
+        self.decision.is_tight = self.is_on

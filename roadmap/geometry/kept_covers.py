@@ -3,7 +3,7 @@
 A cover is proved for its solids when it is found. Its file is named by a SHA-256 over
 these very solids, the excess asked for and the text of all code that takes part; so
 another solid, or another way to find or prove covers, has another name. What is read
-must have the hash it was written with; anything else is found anew.
+must have the hash and the name it was written with; anything else is found anew.
 
 Files lie in ODM_CACHE, else in `odm` of XDG_CACHE_HOME or ~/.cache; with an empty
 ODM_CACHE none are kept.
@@ -18,12 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.chunks import ChunkStore
+from roadmap.errors import BuildRefused
 from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import cover_solids
 from roadmap.kernel_cache import Sources
-from roadmap.unfinished import put_file
-
-_HASH_BYTES = 32
 
 
 def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
@@ -31,13 +30,13 @@ def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
     folder = cache_folder()
     if folder is None or not solids:
         return cover_solids(solids, excess, closely=True)
-    name = _name(solids, excess)
-    file = folder / "covers" / name
-    found = _read(file, name)
-    if found is None:
-        found = cover_solids(solids, excess, closely=True)
-        with suppress(OSError):  # a full disk or a folder of others: not kept
-            _write(file, name, found)
+    store, name = ChunkStore(folder / "covers"), _name(solids, excess)
+    kept = store.get(name)
+    if kept is not None and kept[0] == name:
+        return kept[1]
+    found = cover_solids(solids, excess, closely=True)
+    with suppress(BuildRefused):  # a full disk or a folder of others: not kept
+        store.put(name, (np.array(name), found))
     return found
 
 
@@ -71,24 +70,3 @@ def _code() -> str:
     # matrix products end in other last digits: see docs/decisions/0118
     core = os.environ.get("OPENBLAS_CORETYPE", "")
     return f"{text} numpy {np.__version__} {platform.machine()} {core}"
-
-
-def _read(file: Path, name: str) -> np.ndarray | None:
-    """Return the spheres of a file, None where it is none or was altered."""
-    try:
-        data = file.read_bytes()
-    except OSError:
-        return None
-    head, rows = data[:_HASH_BYTES], data[_HASH_BYTES:]
-    if head != _check(name, rows) or len(rows) % 32 or not rows:
-        return None
-    return np.frombuffer(rows, "<f8").reshape(-1, 4).copy()
-
-
-def _write(file: Path, name: str, spheres: np.ndarray) -> None:
-    rows = np.ascontiguousarray(spheres, "<f8").tobytes()
-    put_file(file, _check(name, rows) + rows)
-
-
-def _check(name: str, rows: bytes) -> bytes:
-    return hashlib.sha256(name.encode() + rows).digest()

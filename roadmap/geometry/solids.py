@@ -1,6 +1,6 @@
 """The exact solids of a link: hulls of meshes, boxes, cylinders, spheres."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,6 @@ from roadmap.transforms import moved_points
 # A mesh thinner than this is no solid: its points become cubes of this edge [m].
 MIN_THICKNESS = 1e-4
 
-_NO_POINTS = np.empty((0, 3))
-
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -23,8 +21,8 @@ class Solid:
     kind: int
     link: int
     T_body_solid: np.ndarray
-    size: tuple[float, ...]
-    points: np.ndarray
+    size: tuple[float, ...] = (0.0, 0.0, 0.0)
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
     def body_points(self) -> np.ndarray:
         """Return the hull's vertices in the body frame, (n, 3) [m]."""
@@ -41,12 +39,11 @@ def solid_of(
     """
     pose = T_body_link @ shape.T_link_shape
     if shape.kind == "box":
-        return Solid(BOX, index, pose, shape.size, _NO_POINTS), ""
+        return Solid(BOX, index, pose, shape.size), ""
     if shape.kind == "cylinder":
-        size = (*shape.size, 0.0)
-        return Solid(CYLINDER, index, pose, size, _NO_POINTS), ""
+        return Solid(CYLINDER, index, pose, (*shape.size, 0.0)), ""
     if shape.kind == "sphere":
-        return Solid(SPHERE, index, pose, (*shape.size, 0.0, 0.0), _NO_POINTS), ""
+        return Solid(SPHERE, index, pose, (*shape.size, 0.0, 0.0)), ""
     urdf, package_dirs = lookup
     path = find_mesh(shape.filename, Path(urdf), package_dirs, owner.name)
     points = read_vertices(path, shape.size, owner.name)
@@ -54,7 +51,7 @@ def solid_of(
     thickened = f"is flat; thickened to {MIN_THICKNESS * 1e3:g} mm"
     note = f"{owner.name}: the mesh {path.name} {thickened}" if is_flat else ""
     corners = hull_corners(np.unique(points, axis=0))
-    return Solid(HULL, index, pose, (0.0, 0.0, 0.0), corners), note
+    return Solid(HULL, index, pose, points=corners), note
 
 
 def _thickened(points: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN_INNER
+from roadmap._rows import copy_row
+from roadmap.jit_options import BARE
 from roadmap.kinematics._chain import forward, jacobian, limited_step, pose_error
 
 
@@ -48,7 +49,7 @@ def descend(chain, target, scale, goal, work, trial):
         if damping > 1e8:
             return False
         jacobian(chain, work.frames, work.jac)
-        _copy(q, trial)
+        copy_row(q, trial)
         limited_step(chain, q, scale, damping, work)
         forward(chain, q, work.frames)
         new = pose_error(tool, target, scale, work.error)
@@ -56,14 +57,8 @@ def descend(chain, target, scale, goal, work, trial):
             cost = new
             damping = max(0.2 * damping, 1e-9)
         else:
-            _copy(trial, q)
+            copy_row(trial, q)
             forward(chain, q, work.frames)
             pose_error(tool, target, scale, work.error)
             damping *= 5.0
     return cost < square
-
-
-@njit(**WITHIN_INNER)
-def _copy(one, other):
-    for j in range(one.shape[0]):
-        other[j] = one[j]

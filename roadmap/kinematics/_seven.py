@@ -42,21 +42,10 @@ def turn(axis, angle, out):
     """Write the rotation about a unit axis to `out` (3, 3)."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z, v = axis[0], axis[1], axis[2], 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = (
-        c + v * x * x,
-        v * x * y - s * z,
-        v * x * z + s * y,
-    )
-    out[1, 0], out[1, 1], out[1, 2] = (
-        v * x * y + s * z,
-        c + v * y * y,
-        v * y * z - s * x,
-    )
-    out[2, 0], out[2, 1], out[2, 2] = (
-        v * x * z - s * y,
-        v * y * z + s * x,
-        c + v * z * z,
-    )
+    u, v, w = v * x, v * y, v * z
+    out[0, 0], out[0, 1], out[0, 2] = c + u * x, u * y - s * z, u * z + s * y
+    out[1, 0], out[1, 1], out[1, 2] = u * y + s * z, c + v * y, v * z - s * x
+    out[2, 0], out[2, 1], out[2, 2] = u * z - s * y, v * z + s * x, c + w * z
 
 
 @njit(**BARE_INNER)
@@ -173,18 +162,10 @@ def elbows(arm, far2):
 
     far2: its square [m^2].
     """
-    ux, uy, uz = (
-        arm.wrist[0] - arm.place[3, 0],
-        arm.wrist[1] - arm.place[3, 1],
-        arm.wrist[2] - arm.place[3, 2],
-    )
-    cx, cy, cz = (
-        arm.place[3, 0] - arm.shoulder[0],
-        arm.place[3, 1] - arm.shoulder[1],
-        arm.place[3, 2] - arm.shoulder[2],
-    )
+    w, e, s = arm.wrist, arm.place[3], arm.shoulder
+    u = ux, uy, uz = w[0] - e[0], w[1] - e[1], w[2] - e[2]
+    c = cx, cy, cz = e[0] - s[0], e[1] - s[1], e[2] - s[2]
     # |c + Rot(a4) u|^2 = far2
-    u, c = (ux, uy, uz), (cx, cy, cz)
     k, p, q = turned_sum(arm.axis[3], u, c)
     own = ux * ux + uy * uy + uz * uz + cx * cx + cy * cy + cz * cz
     return two_angles(p, q, 0.5 * (far2 - own) - k)

@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.kinematics._chain import ChainArrays
+from roadmap.kinematics._chain import ChainArrays, forward, jacobian
 from roadmap.kinematics._inverse import Descent, descend
 from roadmap.kinematics.joint_tree import (
     JOINT,
@@ -128,3 +128,14 @@ class ToolDescent:
         q[self._rows] = work.q
         x, y, z, u, v, w = (self._scales * work.error).tolist()
         return math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Return the tool's (6, k) Jacobian at q (dof,), of the joints in `rows`.
+
+        Linear [m], then angular; the next call overwrites it.
+        """
+        work = self._work
+        work.q[:] = q[self._rows]
+        forward(self.chain, work.q, work.frames)
+        jacobian(self.chain, work.frames, work.jac)
+        return work.jac

@@ -16,7 +16,6 @@ from roadmap.robot.robot import SPHERE, Robot
 from roadmap.transforms import pose_with
 
 PAYLOAD = "payload"
-_NO_POINTS = np.empty((0, 3))
 _FEW_BALLS = 4  # up to so many, each gets a fine polytope
 
 
@@ -148,7 +147,7 @@ def _round(subdivisions: int) -> np.ndarray:
 
 def _ball(sphere: np.ndarray) -> Solid:
     T = pose_with(np.eye(3), sphere[:3])
-    return Solid(SPHERE, 0, T, (float(sphere[3]), 0.0, 0.0), _NO_POINTS)
+    return Solid(SPHERE, 0, T, (float(sphere[3]), 0.0, 0.0))
 
 
 def _with_solids(robot: Robot, solids: list[Solid], link: int) -> dict:

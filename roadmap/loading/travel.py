@@ -102,7 +102,7 @@ def swept_solids(
             continue
         corners = _link_corners(solid, tree, name)
         result += [
-            Solid(HULL, solid.link, np.eye(4), (0.0, 0.0, 0.0), points)
+            Solid(HULL, solid.link, np.eye(4), points=points)
             for points in _hulls(links[name], corners)
         ]
     return result
@@ -121,8 +121,7 @@ def _few(points: np.ndarray) -> np.ndarray:
     """Return the corners of a hull, or fewer ones whose hull holds it."""
     if len(points) <= _MANY_CORNERS:
         return points
-    solid = Solid(HULL, 0, np.eye(4), (0.0, 0.0, 0.0), points)
-    return polytope(solid).corners
+    return polytope(Solid(HULL, 0, np.eye(4), points=points)).corners
 
 
 def _link_corners(solid: Solid, tree: BodyTree, link: str) -> np.ndarray:

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm._groups import block_type
 from odm.cell_map import _sweep as sweep
 from odm.cell_map.cell_map import ROUNDING, CellMap
+from odm.cell_map.chunk_work import at_rest, swept_cells
 from odm.cell_map.sweep import swept_by
 from roadmap.kinematics.forward import difference
 
@@ -115,23 +115,14 @@ class _Sweeper:
         self._swept = swept_by(arm, radii, cell_map.motion_tolerance, grid)
         self._n_blocks = grid.n_blocks
         self._shares = np.linspace(0.0, 1.0, 2**LEVEL + 1)[:, None]
-        self._type = block_type(grid.n_blocks)
 
     def samples(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Return the cells of configurations along a motion, (n, n_blocks)."""
-        points = np.ascontiguousarray(q + self._shares * dq)
-        room = 400 * len(points)
-        counts = np.empty(len(points), np.int64)
-        while True:
-            blocks = np.empty(room, self._type)
-            masks = np.empty(room, np.uint64)
-            lists = sweep.Lists(counts, blocks, masks)
-            end = sweep.sweep_nodes(self._swept, points, lists)
-            if end >= 0:
-                break
-            room *= 2
+        points = q + self._shares * dq
+        resting = at_rest(self._swept, points)
+        counts, blocks, masks = swept_cells(self._swept, *resting)
         words = np.zeros((len(points), self._n_blocks), np.uint64)
-        words[np.repeat(np.arange(len(points)), counts), blocks[:end]] = masks[:end]
+        words[np.repeat(np.arange(len(points)), counts), blocks] = masks
         return words
 
     def by_bound(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:

@@ -54,9 +54,12 @@ def test_a_damaged_or_foreign_file_is_found_anew(found, tmp_path):
         file.write_bytes(bad)
         kept_cover([box()], 0.02)
         assert file.read_bytes() == good
-    other = file.with_name("0" * 64)
-    file.rename(other)
-    assert len(found) == 5 and not list((tmp_path / "covers").glob(".*"))
+    kept_cover([box(0.2)], 0.02)
+    (other,) = {*file.parent.iterdir()} - {file}
+    other.write_bytes(good)
+    wide = kept_cover([box(0.2)], 0.02)
+    assert wide.tobytes() == cover_solids([box(0.2)], 0.02).tobytes()
+    assert len(found) == 7 and not list(file.parent.glob(".*"))
 
 
 def test_where_nothing_can_be_kept_it_is_found_each_time(found, monkeypatch, tmp_path):
