@@ -124,8 +124,11 @@ def _as_pose(T: np.ndarray) -> np.ndarray | None:
             f"{_OFF_RIGID:g}), its last row is {T[3].tolist()} and must be 0, 0, 0, 1, "
             "and mirroring is not allowed; give None where the object is not seen"
         )
-    if off < _RIGID:
-        return T
+    return T if off < _RIGID else _nearest_pose(T)
+
+
+def _nearest_pose(T: np.ndarray) -> np.ndarray:
+    """Return the pose (4, 4) nearest to what is almost one."""
     u, _, v = np.linalg.svd(T[:3, :3])
     near = np.array(T)
     near[:3, :3] = u @ v
@@ -147,6 +150,8 @@ class Seen:
         loose: Whether the object is a thing by itself: it is seen, not held, and
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
+        T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
+            place of late [m]; None: it is not seen.
         object_speed: [m/s].
         dt: Time since the frame before, as far as it counts [s]; 0 where nobody knows
             where the person is.
@@ -163,6 +168,7 @@ class Seen:
     obj: np.ndarray | None
     loose: bool
     hand_gap: float
+    T_object: np.ndarray | None
     object_speed: float
     dt: float
     stamp: float
@@ -201,7 +207,10 @@ class Sight:
         self.settings = hand.settings
         self._watcher = Watcher(hand.settings.threat)
         self._sound: Seen | None = None  # the last in which all was seen
-        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
+        # over which time noise makes a still object no faster than half of that
+        calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
+        self._averaged_s = max(conduct.goes_on_s, calm_s)
+        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, (4, 4)
         self._alone_s = 0.0  # for how long nobody could get to the object
         # labels as bytes, the parts that are the hand, the arm, words for all parts
         self._parts: tuple[bytes, np.ndarray, np.ndarray, list[str]] | None = None
@@ -229,7 +238,8 @@ class Sight:
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
-        seen = Seen(frame, there, *who, obj, loose, gap, speed, *times)
+        aim = self._aim_at(frame.T_base_object)
+        seen = Seen(frame, there, *who, obj, loose, gap, aim, speed, *times)
         self._sound = seen if sound else self._sound
         return seen
 
@@ -310,11 +320,20 @@ class Sight:
             past.clear()
         if T is None:
             return 0.0
-        past.append((now, T[:3, 3].copy()))
-        while past[0][0] < now - self.conduct.goes_on_s - 1e-6:
+        past.append((now, T.copy()))
+        while past[0][0] < now - self._averaged_s - 1e-6:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
-        return _length(here - there) / (now - since or 1.0)
+        return _length(here[:3, 3] - there[:3, 3]) / (now - since or 1.0)
+
+    def _aim_at(self, T: np.ndarray | None) -> np.ndarray | None:
+        """Return where to take the object that is seen at T (4, 4) in this frame [m].
+
+        A robot that went for each noisy place would turn off anew in each frame.
+        """
+        if T is None or not self.settings.threat.noise:
+            return T
+        return _nearest_pose(np.mean([there for _, there in self._object_was], axis=0))
 
 
 def are_sound(rows: np.ndarray) -> bool:

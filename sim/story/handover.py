@@ -213,7 +213,7 @@ class Handover:
         """Return why there is nowhere to give or take it; or empty."""
         kind, pursuit, offer = self._step.kind, self.targets.pursuit, self.offer
         if kind == "reach" and self._last is not None:
-            T, reaches = self._last.frame.T_base_object, offer.reaches
+            T, reaches = self._last.T_object, offer.reaches
             if T is None:
                 return "what is to be taken is not seen"
             if not reaches.found and not offer.moved(T):
@@ -451,7 +451,7 @@ class Handover:
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
-            "taken_up": passed > limit and self._is_taken_up(frame),
+            "taken_up": passed > limit and self._is_taken_up(seen),
             "ungripped": passed > limit and hand.fingers == OPEN,
             "unfelt": passed > limit and not self._pull.felt,
             "weak_pull": passed > limit and self._pull.weak > 0.0,
@@ -501,10 +501,10 @@ class Handover:
         """Whether the person blocked the places for most of `passed` [s]."""
         return self.placing.places.beset or 2.0 * self._hindered_s > passed
 
-    def _is_taken_up(self, frame: StoryFrame) -> bool:
+    def _is_taken_up(self, seen: Seen) -> bool:
         """Whether places in reach are known to give or take it, and none is free."""
         if not self._give:
-            T = frame.T_base_object
+            T = seen.T_object
             known = T is not None and bool(self.offer.reaches.found)
             return known and not self.offer.moved(T)
         pursuit = self.targets.pursuit
@@ -551,7 +551,7 @@ class Handover:
                 "moved": not there and not nobody and not pursuit.touched,
                 "left": self._lasts("left", nobody, seen.dt, s.leave_s),
             }
-        pre, T = self.offer.taken, seen.frame.T_base_object
+        pre, T = self.offer.taken, seen.T_object
         off = np.inf
         if pre is not None:
             off = _most(difference(self.planner.robot, q, pre.q_before))
@@ -905,7 +905,7 @@ class Handover:
 
     def _go_to_object(self, seen: Seen, q: np.ndarray) -> object:
         """Go before the object, or to rest while it is out of reach."""
-        s, T = self.settings, seen.frame.T_base_object
+        s, T = self.settings, seen.T_object
         executor, offer = self.executor, self.offer
         if T is None:
             return self._go(seen, q, [self._rest])
@@ -933,7 +933,7 @@ class Handover:
     def _close_in(self, seen: Seen, q: np.ndarray) -> object:
         """Go straight to the object, where it is now; the pads may touch it."""
         self.view.phase = "receive"
-        T = seen.frame.T_base_object
+        T = seen.T_object
         if T is None or self.offer.taken is None:
             return _holding("the object is not seen")
         q_end = self.offer.end_of_line(T)

@@ -547,6 +547,25 @@ def test_a_hand_that_trembles_holds_still_and_one_that_goes_on_does_not(maps):
     assert list(speeds(lambda t: 0.2 * t))[-1] == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize("noise", [0.005, 0.01])
+def test_an_object_that_is_seen_with_noise_is_gone_for_where_it_is_on_average(
+    maps, noise
+):
+    story, human = story_of(maps, "receive", threat=replace(PARTNER, noise=noise))
+    rng, T, seen = np.random.default_rng(3), pose_of((0.6, 0, 1), (0.1, 0, 0)), []
+    for k in range(150):
+        off = pose_of(rng.normal(0, noise / 3, 3), rng.normal(0, 0.02, 3))
+        frame = sim.StoryFrame(PERIOD * k, human, T_base_object=T @ off)
+        seen.append(story.sight.look(frame, PERIOD))
+    aims = np.array([s.T_object for s in seen[50:]])
+    assert np.abs(aims - T).max() < 0.015  # of a frame: up to 0.07
+    assert np.ptp(aims[:, :3, 3], axis=0).max() < story.conduct.tracked
+    assert np.allclose(aims[-1][:3, :3] @ aims[-1][:3, :3].T, np.eye(3), atol=1e-12)
+    assert max(s.object_speed for s in seen[50:]) < story.settings.still_speed
+    raw = seen[-1].frame.T_base_object  # what may be touched is where it is seen now
+    assert np.allclose(seen[-1].obj, story.hand.capsules(raw))
+
+
 def test_who_leaves_is_waited_for_and_then_the_object_is_kept(maps):
     story, human = story_of(maps, wait_s=2.5)
 
