@@ -22,6 +22,7 @@ from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
+OTHER_SIDE = {"left": "right", "right": "left"}
 _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 
 
@@ -150,6 +151,8 @@ class Seen:
         loose: Whether the object is a thing by itself: it is seen, not held, and
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
+        instead: How much farther than that hand the person's other one is held out,
+            compared with the first frame [m].
         T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
             place of late [m]; None: it is not seen.
         object_speed: [m/s].
@@ -168,6 +171,7 @@ class Seen:
     obj: np.ndarray | None
     loose: bool
     hand_gap: float
+    instead: float
     T_object: np.ndarray | None
     object_speed: float
     dt: float
@@ -212,6 +216,7 @@ class Sight:
         self._averaged_s = max(conduct.goes_on_s, calm_s)
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, (4, 4)
         self._alone_s = 0.0  # for how long nobody could get to the object
+        self._began: dict[str, np.ndarray] = {}  # hands at first, from the torso [m]
         # labels as bytes, the parts that are the hand, the arm, words for all parts
         self._parts: tuple[bytes, np.ndarray, np.ndarray, list[str]] | None = None
 
@@ -238,8 +243,9 @@ class Sight:
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
+        gaps = gap, self._instead(rows, labels)
         aim = self._aim_at(frame.T_base_object)
-        seen = Seen(frame, there, *who, obj, loose, gap, aim, speed, *times)
+        seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
         return seen
 
@@ -279,6 +285,31 @@ class Sight:
             words += ["the object"] * len(self.hand.obj.capsules)
             known = self._parts = labels.tobytes(), hand, arm, words
         return known[1:]
+
+    def expect(self, side: str) -> None:
+        """Take that hand for the one that takes part from now on."""
+        self.side, self._parts = side, None
+
+    def _instead(self, rows: np.ndarray, labels: np.ndarray) -> float:
+        """Return how much farther out than the hand expected the other one is [m].
+
+        Out is toward the robot's base, across gravity, from where it was at first.
+        """
+        torso, come = rows[labels == Part.TORSO], {}
+        for side, (part, *_) in ARM_LABELS.items():
+            hand = rows[labels == part]
+            if not (len(hand) and len(torso)):
+                return 0.0
+            off = _center(hand) - _center(torso)
+            began = self._began.setdefault(side, off)
+            come[side] = self._far(_center(torso) + began) - self._far(_center(hand))
+        return come[OTHER_SIDE[self.side]] - come[self.side]
+
+    def _far(self, place: np.ndarray) -> float:
+        """Return how far a place (3,) is from the base's origin, across gravity [m]."""
+        T = self.T_base_world
+        up = np.array([0.0, 0.0, 1.0]) if T is None else T[:3, 2]
+        return _length(place - (place @ up) * up)
 
     def _as_it_stands(
         self,
@@ -353,6 +384,11 @@ def covering_balls(rods: np.ndarray) -> np.ndarray:
     half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
     balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))
     return balls
+
+
+def _center(rows: np.ndarray) -> np.ndarray:
+    """Return the mean (3,) of the ends of capsules (k, 7) [m]."""
+    return 0.5 * (rows[:, :3] + rows[:, 3:6]).sum(axis=0) / len(rows)
 
 
 def _length(v: np.ndarray) -> float:

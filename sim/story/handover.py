@@ -34,7 +34,7 @@ from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import Seen, Sight, StoryFrame, are_sound, smallest_gap
+from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound, smallest_gap
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -448,6 +448,9 @@ class Handover:
             "gone": self._lasts(
                 "gone", away and not self._pull.pulls, seen.dt, self.conduct.gone_s
             ),
+            "other_hand": self._lasts(
+                "other_hand", self._hand_instead(seen), seen.dt, self.conduct.gone_s
+            ),
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
@@ -539,6 +542,11 @@ class Handover:
         self._farthest = max(self._farthest, gap)
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
+    def _hand_instead(self, seen: Seen) -> bool:
+        """Whether it is the other hand that comes; nobody pulls at the object yet."""
+        comes = seen.instead > self.conduct.instead
+        return self._give and comes and not self._pull.pulls
+
     def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""
         s, executor = self.settings, self.executor
@@ -608,6 +616,10 @@ class Handover:
         """Begin what belongs to the state."""
         state = self.state
         self._at, self._begun, self._farthest = 0, None, 0.0
+        if signal == "other_hand":
+            side = OTHER_SIDE[self.sight.side]
+            self.sight.expect(side)
+            self.targets.expect(side)
         self._berth.begin()
         self._hindered_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0

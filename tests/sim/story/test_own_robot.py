@@ -12,7 +12,7 @@ import pytest
 import handover
 import odm
 import sim
-from handover.human.body import Part
+from handover.human.body import ARM_LABELS, Part
 from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.stop_test import BrakingTest, slowest_stop
@@ -121,6 +121,28 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert tell(story, 8.0, look) == ["retreat", "done"]
     assert story.outcome == "the object was dropped on the way"
     assert story.planner.attached is None and not story.holding
+
+
+@pytest.mark.parametrize("out, side", [
+    (["left"], "left"), (["right"], "right"), (["left", "right"], "right")
+])  # fmt: skip
+def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, out, side):
+    story, human = story_of(maps)
+    reaching = human
+    for one in out:
+        reaching = reaching.with_arm(one, np.radians([60, 0, 0, 60, 0, 0, 0]))
+
+    def look(story, now, opened, closed):
+        who = human if now < 3.0 else reaching
+        return sim.StoryFrame(now, who, pulled(0.0), opened, holds=True)
+
+    tell(story, 4.5, look)
+    told = [e for e in story.events if e.signal == "other_hand"]
+    assert len(told) == (side == "left") and story.sight.side == side
+    assert story.targets.meet.settings.side == side
+    arm = story.sight.parts(human.labels)[1]
+    assert set(human.labels[arm]) == set(ARM_LABELS[side])
+    assert [e.time_s for e in told] == pytest.approx([3.5] * len(told), abs=0.05)
 
 
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 2.0), (np.pi, 0.0, 0.3), (0.0, -1.57, 0)])
