@@ -252,10 +252,10 @@ class Handover:
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""
         told = {e.signal for e in self.events}
-        vain = told & {"blocked", "in_vain", "hindered"} and "free" not in told
-        if self._give or self.holding or not vain:
+        vain = bool(told & {"blocked", "in_vain", "hindered"})
+        if self._give or self.holding or "free" in told:
             return ""
-        return self._berth.why_too_rare(self.conduct.too_rare)
+        return self._berth.why_too_rare(self.conduct.too_rare, vain)
 
     @property
     def force(self) -> float:
