@@ -261,7 +261,7 @@ def test_who_walks_into_a_robot_that_waits_for_their_hand_is_told(maps, away, to
 @pytest.mark.parametrize(("period", "told"), [(0.01, False), (0.1, True)])
 def test_frames_too_rare_to_close_on_what_is_held_out_are_told(maps, period, told):
     story, _ = story_of(maps, direction="receive", period=period)
-    wanted = r"frame every 100 ms.* \d+\.\d cm nearer.*limit 2.5 cm.*at least \d+ frames"
+    wanted = r"frame every 100 ms.* \d+\.\d cm.*limit 2.5 cm.*at least \d+ frames"
     assert bool(re.search(wanted, story.reason)) == told  # before it sets off
     story.machine.step({"arrived"}, 0.0), story.machine.step({"steady"}, 0.0)
     story.machine.step({"free"}, 0.0)
