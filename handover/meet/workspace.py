@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 from typing import NamedTuple
 
@@ -168,6 +168,15 @@ class InteractionWorkspace:
         cells = kernels.Cells(points, self._cells.first, self._cells.rotation)
         self._scene = kernels.Scene(person, self._hands, cells)
         self.human, self._state, self._value = human, state, None
+
+    def expect(self, side: str) -> None:
+        """Rank for the person's other arm from now on: "left" or "right".
+
+        A ranking that has begun is given up.
+        """
+        self.settings = replace(self.settings, side=side)
+        self._state = None
+        self.update(self.human)
 
     def build(self) -> np.ndarray:
         """Solve every cell.

@@ -120,6 +120,7 @@ class LiveTargets:
         self._pursued: Goal | None = None
         self._last_key: int | None = None
         self._touched = False  # the person is within the clearance of the robot
+        self._outdated = False  # the goals are of the person's other arm
         self._best = 0.0
         self._blocked = 0  # frames without a target that can be reached
 
@@ -190,6 +191,7 @@ class LiveTargets:
             return  # whatever the goals are, it cannot leave
         pursued = None if self._pursued is None else self._pursued.key
         goals = self._choose(targets, known, pursued)
+        self._outdated = False
         self._changed = [g.q.tobytes() for g in goals] != [
             g.q.tobytes() for g in self.goals
         ] or not self.counts["set_goals"]
@@ -325,7 +327,8 @@ class LiveTargets:
             self.counts["changes"] += left  # the first choice leaves none
             self._last_key = goal.key
             off = np.abs(difference(self.planner.robot, q, goal.q)).max()
-            state = THERE if off <= _ARRIVED else UNDER_WAY
+            there = off <= _ARRIVED and not self._outdated
+            state = THERE if there else UNDER_WAY
             missing = 0.0
             found = (state, goal.key, goal.kind, self._worth.get(goal.key, 0.0))
         self.pursuit = Pursuit(
@@ -337,6 +340,15 @@ class LiveTargets:
             missing,
             self._touched,
         )
+
+    def expect(self, side: str) -> None:
+        """Look for targets of the person's other arm: "left" or "right".
+
+        All are ranked anew; what was found for the robot stays.
+        """
+        self.meet.expect(side)
+        self._targets, self._chosen = {}, self.settings.choices * self.settings.idle
+        self._outdated = True
 
     def put_off(self) -> None:
         """Try other targets first: the robot cannot get on to the one it pursues."""

@@ -9,6 +9,7 @@ its shortest stop (`Berth`): nearer it would creep.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +27,7 @@ _WIDEST = 0.10  # [m] of a berth: a sensor may be worse, but a person has to be 
 _BRINK = 0.002  # [m] nearer than a berth and this, the robot is in it
 _SHARES = 1.0, 0.5, 0.25, 0.0  # of a berth: the next one where none leads on,
 _PATIENT = 25  # ... for so many frames: the planner's search goes on over several,
+_RATES = 15, 20, 25, 30, 50, 100  # [Hz] of frames, one of which may be enough
 _LESS_FOR = 100  # ... until it was hindered in so many; then in twice as many
 
 
@@ -98,6 +100,12 @@ class Berth:
         self.period = executor.period
         self.stop_s, comes = slowest_stop(executor.robot, *how)
         self.comes = comes
+        exact = replace(threat, noise=0.0)  # by rate of the frames [Hz]
+        times = {round(1.0 / self.period): self.period} | {r: 1.0 / r for r in _RATES}
+        self._come = {
+            rate: slowest_stop(executor.robot, executor.settings, time, exact)[1]
+            for rate, time in times.items()
+        }
         self._usual = min(comes, _WIDEST) if comes > QUICK else 0.0
         self.clearance = executor.planner.cell_map.safety.m
         self.told = 0.0
@@ -110,19 +118,23 @@ class Berth:
         self._level, self._left, self._again = 0, 0, _LESS_FOR
         self._held = 0  # frames in a row
 
-    def why_too_rare(self, most: float) -> str:
+    def why_too_rare(self, most: float, vain: bool) -> str:
         """Return what to do about frames too rare to close on an object; or empty.
 
-        `most` is how much nearer somebody may come before the robot stands [m].
+        `most` is how much nearer somebody may come before the robot stands [m]; `vain`:
+        it was tried. Before that only what more frames would mend is told.
         """
-        if self.comes <= most:
+        rare = self._come[round(1.0 / self.period)] > most
+        enough = [rate for rate in _RATES if self._come[rate] <= most]
+        if not (rare and enough or vain and self.comes > most):
             return ""
+        often = f"at least {enough[0]} frames a second" if rare and enough else ""
         return (
             f"with a frame every {1e3 * self.period:.0f} ms it stands "
             f"{1e3 * self.stop_s:.0f} ms after what it saw, and by then what is held "
             f"out may have come {100 * self.comes:.1f} cm nearer (limit "
-            f"{100 * most:.1f} cm): give frames more often, the robot's own limits of "
-            "acceleration and jerk, or, for people who hold still, "
+            f"{100 * most:.1f} cm): give {often or 'frames more often'}, the robot's "
+            "own limits of acceleration and jerk, or, for people who hold still, "
             "StorySettings(threat=ThreatSettings(acceleration=...)); or hold it still "
             "between the fingers"
         )

@@ -22,6 +22,7 @@ from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
+OTHER_SIDE = {"left": "right", "right": "left"}
 _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 
 
@@ -124,8 +125,11 @@ def _as_pose(T: np.ndarray) -> np.ndarray | None:
             f"{_OFF_RIGID:g}), its last row is {T[3].tolist()} and must be 0, 0, 0, 1, "
             "and mirroring is not allowed; give None where the object is not seen"
         )
-    if off < _RIGID:
-        return T
+    return T if off < _RIGID else _nearest_pose(T)
+
+
+def _nearest_pose(T: np.ndarray) -> np.ndarray:
+    """Return the pose (4, 4) nearest to what is almost one."""
     u, _, v = np.linalg.svd(T[:3, :3])
     near = np.array(T)
     near[:3, :3] = u @ v
@@ -147,6 +151,10 @@ class Seen:
         loose: Whether the object is a thing by itself: it is seen, not held, and
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
+        instead: How much farther than that hand the person's other one is held out,
+            compared with the first frame [m].
+        T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
+            place of late [m]; None: it is not seen.
         object_speed: [m/s].
         dt: Time since the frame before, as far as it counts [s]; 0 where nobody knows
             where the person is.
@@ -163,6 +171,8 @@ class Seen:
     obj: np.ndarray | None
     loose: bool
     hand_gap: float
+    instead: float
+    T_object: np.ndarray | None
     object_speed: float
     dt: float
     stamp: float
@@ -201,8 +211,12 @@ class Sight:
         self.settings = hand.settings
         self._watcher = Watcher(hand.settings.threat)
         self._sound: Seen | None = None  # the last in which all was seen
-        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, where
+        # over which time noise makes a still object no faster than half of that
+        calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
+        self._averaged_s = max(conduct.goes_on_s, calm_s)
+        self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, (4, 4)
         self._alone_s = 0.0  # for how long nobody could get to the object
+        self._began: dict[str, np.ndarray] = {}  # hands at first, from the torso [m]
         # labels as bytes, the parts that are the hand, the arm, words for all parts
         self._parts: tuple[bytes, np.ndarray, np.ndarray, list[str]] | None = None
 
@@ -229,7 +243,9 @@ class Sight:
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
-        seen = Seen(frame, there, *who, obj, loose, gap, speed, *times)
+        gaps = gap, self._instead(rows, labels)
+        aim = self._aim_at(frame.T_base_object)
+        seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
         return seen
 
@@ -269,6 +285,31 @@ class Sight:
             words += ["the object"] * len(self.hand.obj.capsules)
             known = self._parts = labels.tobytes(), hand, arm, words
         return known[1:]
+
+    def expect(self, side: str) -> None:
+        """Take that hand for the one that takes part from now on."""
+        self.side, self._parts = side, None
+
+    def _instead(self, rows: np.ndarray, labels: np.ndarray) -> float:
+        """Return how much farther out than the hand expected the other one is [m].
+
+        Out is toward the robot's base, across gravity, from where it was at first.
+        """
+        torso, come = rows[labels == Part.TORSO], {}
+        for side, (part, *_) in ARM_LABELS.items():
+            hand = rows[labels == part]
+            if not (len(hand) and len(torso)):
+                return 0.0
+            off = _center(hand) - _center(torso)
+            began = self._began.setdefault(side, off)
+            come[side] = self._far(_center(torso) + began) - self._far(_center(hand))
+        return come[OTHER_SIDE[self.side]] - come[self.side]
+
+    def _far(self, place: np.ndarray) -> float:
+        """Return how far a place (3,) is from the base's origin, across gravity [m]."""
+        T = self.T_base_world
+        up = np.array([0.0, 0.0, 1.0]) if T is None else T[:3, 2]
+        return _length(place - (place @ up) * up)
 
     def _as_it_stands(
         self,
@@ -310,11 +351,20 @@ class Sight:
             past.clear()
         if T is None:
             return 0.0
-        past.append((now, T[:3, 3].copy()))
-        while past[0][0] < now - self.conduct.goes_on_s - 1e-6:
+        past.append((now, T.copy()))
+        while past[0][0] < now - self._averaged_s - 1e-6:
             past.popleft()
         (since, there), (now, here) = past[0], past[-1]
-        return _length(here - there) / (now - since or 1.0)
+        return _length(here[:3, 3] - there[:3, 3]) / (now - since or 1.0)
+
+    def _aim_at(self, T: np.ndarray | None) -> np.ndarray | None:
+        """Return where to take the object that is seen at T (4, 4) in this frame [m].
+
+        A robot that went for each noisy place would turn off anew in each frame.
+        """
+        if T is None or not self.settings.threat.noise:
+            return T
+        return _nearest_pose(np.mean([there for _, there in self._object_was], axis=0))
 
 
 def are_sound(rows: np.ndarray) -> bool:
@@ -334,6 +384,11 @@ def covering_balls(rods: np.ndarray) -> np.ndarray:
     half = 0.5 / (n - 1) * np.linalg.norm(rods[:, 3:6] - rods[:, :3], axis=1)
     balls[:, 3] = np.hypot(balls[:, 3], np.tile(half, n))
     return balls
+
+
+def _center(rows: np.ndarray) -> np.ndarray:
+    """Return the mean (3,) of the ends of capsules (k, 7) [m]."""
+    return 0.5 * (rows[:, :3] + rows[:, 3:6]).sum(axis=0) / len(rows)
 
 
 def _length(v: np.ndarray) -> float:

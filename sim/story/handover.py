@@ -34,7 +34,7 @@ from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import Seen, Sight, StoryFrame, are_sound, smallest_gap
+from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound, smallest_gap
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -213,7 +213,7 @@ class Handover:
         """Return why there is nowhere to give or take it; or empty."""
         kind, pursuit, offer = self._step.kind, self.targets.pursuit, self.offer
         if kind == "reach" and self._last is not None:
-            T, reaches = self._last.frame.T_base_object, offer.reaches
+            T, reaches = self._last.T_object, offer.reaches
             if T is None:
                 return "what is to be taken is not seen"
             if not reaches.found and not offer.moved(T):
@@ -252,10 +252,10 @@ class Handover:
     def _too_rare(self) -> str:
         """Return what to do about frames too rare to close on an object; or empty."""
         told = {e.signal for e in self.events}
-        vain = told & {"blocked", "in_vain", "hindered"} and "free" not in told
-        if self._give or self.holding or not vain:
+        vain = bool(told & {"blocked", "in_vain", "hindered"})
+        if self._give or self.holding or "free" in told:
             return ""
-        return self._berth.why_too_rare(self.conduct.too_rare)
+        return self._berth.why_too_rare(self.conduct.too_rare, vain)
 
     @property
     def force(self) -> float:
@@ -448,10 +448,13 @@ class Handover:
             "gone": self._lasts(
                 "gone", away and not self._pull.pulls, seen.dt, self.conduct.gone_s
             ),
+            "other_hand": self._lasts(
+                "other_hand", self._hand_instead(seen), seen.dt, self.conduct.gone_s
+            ),
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
             "under_way": passed > limit and self._is_under_way(),
-            "taken_up": passed > limit and self._is_taken_up(frame),
+            "taken_up": passed > limit and self._is_taken_up(seen),
             "ungripped": passed > limit and hand.fingers == OPEN,
             "unfelt": passed > limit and not self._pull.felt,
             "weak_pull": passed > limit and self._pull.weak > 0.0,
@@ -501,10 +504,10 @@ class Handover:
         """Whether the person blocked the places for most of `passed` [s]."""
         return self.placing.places.beset or 2.0 * self._hindered_s > passed
 
-    def _is_taken_up(self, frame: StoryFrame) -> bool:
+    def _is_taken_up(self, seen: Seen) -> bool:
         """Whether places in reach are known to give or take it, and none is free."""
         if not self._give:
-            T = frame.T_base_object
+            T = seen.T_object
             known = T is not None and bool(self.offer.reaches.found)
             return known and not self.offer.moved(T)
         pursuit = self.targets.pursuit
@@ -539,6 +542,11 @@ class Handover:
         self._farthest = max(self._farthest, gap)
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
+    def _hand_instead(self, seen: Seen) -> bool:
+        """Whether it is the other hand that comes; nobody pulls at the object yet."""
+        comes = seen.instead > self.conduct.instead
+        return self._give and comes and not self._pull.pulls
+
     def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""
         s, executor = self.settings, self.executor
@@ -551,7 +559,7 @@ class Handover:
                 "moved": not there and not nobody and not pursuit.touched,
                 "left": self._lasts("left", nobody, seen.dt, s.leave_s),
             }
-        pre, T = self.offer.taken, seen.frame.T_base_object
+        pre, T = self.offer.taken, seen.T_object
         off = np.inf
         if pre is not None:
             off = _most(difference(self.planner.robot, q, pre.q_before))
@@ -608,6 +616,10 @@ class Handover:
         """Begin what belongs to the state."""
         state = self.state
         self._at, self._begun, self._farthest = 0, None, 0.0
+        if signal == "other_hand":
+            side = OTHER_SIDE[self.sight.side]
+            self.sight.expect(side)
+            self.targets.expect(side)
         self._berth.begin()
         self._hindered_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
@@ -905,7 +917,7 @@ class Handover:
 
     def _go_to_object(self, seen: Seen, q: np.ndarray) -> object:
         """Go before the object, or to rest while it is out of reach."""
-        s, T = self.settings, seen.frame.T_base_object
+        s, T = self.settings, seen.T_object
         executor, offer = self.executor, self.offer
         if T is None:
             return self._go(seen, q, [self._rest])
@@ -933,7 +945,7 @@ class Handover:
     def _close_in(self, seen: Seen, q: np.ndarray) -> object:
         """Go straight to the object, where it is now; the pads may touch it."""
         self.view.phase = "receive"
-        T = seen.frame.T_base_object
+        T = seen.T_object
         if T is None or self.offer.taken is None:
             return _holding("the object is not seen")
         q_end = self.offer.end_of_line(T)

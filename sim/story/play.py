@@ -373,7 +373,7 @@ class StoryPlay:
         result.beyond += max(used, jerk) > 1.0 + _ROUNDING
 
     def _object_touches(self, moment: StoryMoment) -> bool:
-        hand_and_forearm = ARM_LABELS[self.setup.side][:2]
+        hand_and_forearm = ARM_LABELS[self.story.sight.side][:2]
         others = ~np.isin(moment.frame.human.labels, hand_and_forearm)
         T = moment.T_object
         for rod in moved_rods(self.setup.obj.capsules, T):

@@ -67,6 +67,9 @@ class ConductSettings(CheckedSettings):
         tracked: The straight motion is aimed anew when the object moved by this [m].
         stands: A robot slower than this in all joints stands [rad/s or m/s].
         gone_s: A hand that was away for so long has gone [s].
+        instead: The person's other hand takes part from now on once it has been held
+            out farther than the one that did by this, toward the robot's base [m], for
+            `gone_s`.
         expected: Times ahead at which new paths keep clear of the person [s].
         untouched: Times, longest first: within the first of them in which nobody can
             reach a resting object, it is not expected to move [s].
@@ -93,6 +96,7 @@ class ConductSettings(CheckedSettings):
     tracked: float = setting(0.004, 0.0, 0.1, "m")
     stands: float = setting(1e-3, 1e-9, 1.0, "rad/s or m/s")
     gone_s: float = setting(0.5, 0.001, 60.0, "s")
+    instead: float = setting(0.05, 0.001, 2.0, "m")
     expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
     untouched: tuple[float, ...] = setting((0.8, 0.5, 0.3, 0.2, 0.1), 0.0, 10.0, "s")
     hurries: float = setting(2.0, 0.1, 100.0)

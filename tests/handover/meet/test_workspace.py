@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meet_people import person
 from numba import njit
 from reach_chains import BASE
 from scipy.spatial.transform import Rotation
@@ -271,6 +272,18 @@ def _missing(meet):
         wrist = hands[:, :3, 3] - arm.lengths[2] * hands[:, :3, 2]
         gaps.append(np.linalg.norm(wrist - shoulder, axis=1).min())
     return max(0.0, min(gaps) - arm.lengths[:2].sum())
+
+
+def test_the_other_hand_is_expected_as_by_a_new_workspace(meet_of, rng):
+    human = person(0.9).with_arm("left", np.radians([60, 10, 0, 90, 0, 0, 0]))
+    meet = meet_of(human, T_world_base=np.eye(4))
+    for side in ("left", "right"):
+        meet.best(10)
+        meet.expect(side)
+        new = meet_of(human, side=side, T_world_base=np.eye(4))
+        assert (new.build() > 0.0).any()
+        assert np.allclose(meet.build(), new.build(), atol=2e-9)
+        assert answer(meet.best(10))[0] == answer(new.best(10))[0]
 
 
 def test_a_person_out_of_reach_is_told_how_far(meet_of, robot_map):

@@ -73,6 +73,20 @@ def test_the_robot_gets_to_the_target_it_pursues(cell_map, robot_map, index):
     assert last.quality == pytest.approx(target.quality)
 
 
+def test_it_is_there_for_the_other_hand_once_that_was_ranked(
+    cell_map, robot_map, index
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human, rank_budget=50)
+    q, pursuits = run(live, start(cell_map), [human] * 400)
+    assert pursuits[-1].state == THERE
+    live.expect("left")
+    q, pursuits = run(live, q, [human] * 400)
+    assert pursuits[0].state == UNDER_WAY and pursuits[-1].state == THERE
+    new = workspace(robot_map, human, side="left").rated([pursuits[-1].key])[0]
+    assert pursuits[-1].quality == pytest.approx(new.quality)
+
+
 def test_goals_on_the_brink_are_offered_where_there_are_no_others(
     cell_map, robot_map, index
 ):
