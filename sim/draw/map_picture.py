@@ -7,19 +7,8 @@ import numpy as np
 from handover import ReachMap
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers
+from sim.draw import style
 from sim.draw.silhouette import balls_silhouette
-from sim.draw.style import (
-    AXES,
-    INK,
-    QUALITY,
-    VIEWS,
-    colour_bar,
-    draw_cut,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-)
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
@@ -77,7 +66,7 @@ def write_coverage_plot(
 
     nx, ny, nz = counts.shape
     widest = max(nx, ny, nz)
-    figure = new_figure(13, 4.6)
+    figure = style.new_figure(13, 4.6)
     widths = [nx, nx, max(ny, widest / 4), widest / 25]
     axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
     norm = LogNorm(1, max(2, int(counts.max())))
@@ -85,15 +74,17 @@ def write_coverage_plot(
     for axis, normal in zip(axes, (2, 1, 0), strict=False):
         most = counts.max(axis=normal).T.astype(float)
         most[most == 0] = np.nan
-        (u, v), view = VIEWS[normal]
-        shown = draw_cut(axis, origin[[u, v]], h, most, colours="YlGnBu", norm=norm)
+        (u, v), view = style.VIEWS[normal]
+        shown = style.draw_cut(
+            axis, origin[[u, v]], h, most, colours="YlGnBu", norm=norm
+        )
         robot.draw(axis, (u, v))
-        space_axes(axis, normal)
+        style.space_axes(axis, normal)
         axis.locator_params(nbins=5)
-        set_title(axis, view)
+        style.set_title(axis, view)
     label = "nodes a cell takes away, the most along the line of sight"
-    colour_bar(figure, shown, label, cax=axes[3])
-    return save(figure, path, dpi=110)
+    style.colour_bar(figure, shown, label, cax=axes[3])
+    return style.save(figure, path, dpi=110)
 
 
 def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
@@ -104,10 +95,10 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     """
     fields = zip(
         ("best quality over all rotations", "rotations reached"),
-        by_position(reach), (QUALITY, "viridis"), strict=True,
+        by_position(reach), (style.QUALITY, "viridis"), strict=True,
     )  # fmt: skip
     chain, grid = reach.chain, reach.grid
-    figure = new_figure(
+    figure = style.new_figure(
         10.5,
         9.0,
         f"{chain.name}: {reach.n_marked:,} cells of {grid.cell:g} {chain.unit} and "
@@ -117,22 +108,22 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     share = by_position(reach)[1]
     for column, (name, values, colours) in enumerate(fields):
         for axis, normal in zip(axes[:, column], (1, 2), strict=True):
-            plane, layer = VIEWS[normal][0], fullest_layer(share, normal)
+            plane, layer = style.VIEWS[normal][0], fullest_layer(share, normal)
             cut = np.take(values, layer, axis=normal).T
             span = 0.0, max(float(cut.max()), 1e-9)
             cut = np.where(cut > 0.0, cut, np.nan)
             corner = grid.origin[list(plane)]
-            image = draw_cut(axis, corner, grid.cell, cut, span, colours)
+            image = style.draw_cut(axis, corner, grid.cell, cut, span, colours)
             axis.plot(0.0, 0.0, "+", color="white", markersize=11, markeredgewidth=3)
-            axis.plot(0.0, 0.0, "+", color=INK, markersize=9)
-            frame = {"textcoords": "offset points", "color": INK, "size": 8}
+            axis.plot(0.0, 0.0, "+", color=style.INK, markersize=9)
+            frame = {"textcoords": "offset points", "color": style.INK, "size": 8}
             frame["bbox"] = {"facecolor": "white", "alpha": 0.8, "lw": 0.0, "pad": 1.5}
             axis.annotate(chain.frame, (0.0, 0.0), (5, 5), **frame)
-            space_axes(axis, normal, chain.unit)
+            style.space_axes(axis, normal, chain.unit)
             at = grid.origin[normal] + (layer + 0.5) * grid.cell
-            set_title(axis, f"{name}, cut at {AXES[normal]} = {at:.2f}")
-            colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
-    return save(figure, path, dpi=110)
+            style.set_title(axis, f"{name}, cut at {style.AXES[normal]} = {at:.2f}")
+            style.colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
+    return style.save(figure, path, dpi=110)
 
 
 def by_position(reach: ReachMap) -> tuple[np.ndarray, np.ndarray]:
