@@ -41,8 +41,8 @@ from odm.planner.settings import (
 )
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
+from sim.bench.pushed import PushSettings
 from sim.loop.loop import LoopSettings, NewPathSettings
-from sim.loop.pushed import PushSettings
 from sim.loop.work_places import WorkPlaceSettings
 from sim.maintenance.play import CycleSettings
 from sim.story.cases import InReachSettings
