@@ -20,8 +20,8 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
 from roadmap.chunks import Progress, Workers
-from roadmap.errors import BadInput, BuildRefused
-from roadmap.ranges import is_between, settings_of
+from roadmap.errors import BuildRefused
+from roadmap.ranges import CheckedSettings, setting, settings_of
 
 _CHUNK = 1 << 17  # samples drawn at a time
 _POSITIONS = 16  # positions marked at a time
@@ -30,7 +30,7 @@ MAX_BYTES = 6e9  # of a build
 
 
 @dataclass(frozen=True)
-class ReachSettings:
+class ReachSettings(CheckedSettings):
     """How a reach map is filled.
 
     Attributes:
@@ -47,30 +47,16 @@ class ReachSettings:
             the machine.
     """
 
-    cell: float = 0.05
-    rotations: int = 576
-    samples: int = 3_000_000
-    seed: int = 1
-    sweeps: int = 12
-    keep: float = 0.8
-    seconds: float | None = None
+    cell: float = setting(0.05, 1e-3, 1.0)
+    rotations: int = setting(576, 0, 10**9)
+    samples: int = setting(3_000_000, 1000, 4_000_000_000)
+    seed: int = setting(1, 0, 2**31)
+    sweeps: int = setting(12, 1, 50)
+    keep: float = setting(0.8, 0.0, 1.0)
+    seconds: float | None = setting(None, 1e-9, np.inf, "s")
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("cell", 1e-3, 1.0),
-            ("samples", 1000, 4_000_000_000),
-            ("rotations", -1e9, 1e9),
-            ("seed", 0, 2**31),
-            ("sweeps", 1, 50),
-            ("keep", 0.0, 1.0),
-        ):
-            value = getattr(self, name)
-            if not is_between(value, low, high):
-                raise BadInput(
-                    f"{name} of a reach map is {value}; give {low:g} to {high:g}"
-                )
-        if self.seconds is not None and not is_between(self.seconds, 1e-9, np.inf):
-            raise BadInput(f"seconds is {self.seconds}; give more than 0, or None")
+        super().__post_init__()
         rotation_grid(self.rotations)
 
 

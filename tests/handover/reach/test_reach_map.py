@@ -281,7 +281,7 @@ def test_a_time_limit_ends_with_a_map_that_says_so(arm):
     ],
 )
 def test_a_setting_out_of_range_is_refused(change):
-    with pytest.raises(BadInput, match="give|choose"):
+    with pytest.raises(BadInput, match="change it|choose"):
         ReachSettings(**change)
 
 
