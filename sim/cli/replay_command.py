@@ -19,7 +19,7 @@ from sim.terminal.flags import (
     given,
     refuse_beside,
 )
-from sim.terminal.output import report, show_json, write_text
+from sim.terminal.output import report, write_text
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -171,12 +171,7 @@ def _play_plan(path: Path, request: ReplayRequest) -> None:
 
         film = write_handover_film(played, played.record, request.animation)
         facts["animation"] = str(film)
-    if request.json is not None:
-        show_json(facts, request.json)
-    if request.json != "-":
-        show_played(played)
-        if request.animation is not None:
-            print(f"animation in {request.animation}")
+    report(facts, request.json, show_played)
 
 
 def _play(path: Path, request: ReplayRequest) -> None:

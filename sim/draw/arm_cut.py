@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from handover import Human
-from handover.meet.places import PlaceQualities, qualities_at
+from handover.meet.places import qualities_at
 from sim.draw import style
 from sim.draw.silhouette import Silhouette
 from sim.terminal.progress import Bars
@@ -74,7 +74,10 @@ def arm_cut(
     flat = points.reshape(-1, 3)
     near = (np.linalg.norm(flat - shoulder, axis=1) <= reach) & (flat[:, 2] > 0.0)
     found = qualities_at(human, side, flat[near], rotations=rotations, progress=tell)
-    fields = {name: _filled(found, name, near, len(y)) for name in found.best}
+    fields = {}
+    for name, best in found.best.items():
+        fields[name] = np.full((len(y), len(x)), np.nan)
+        fields[name].ravel()[near] = best
     return Cut(normal, float(at), x, y, fields)
 
 
@@ -139,11 +142,3 @@ def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:
 def _places(middle: float, reach: float, spacing: float) -> np.ndarray:
     n = int(np.ceil(reach / spacing))
     return middle + spacing * np.arange(-n, n + 1)
-
-
-def _filled(
-    found: PlaceQualities, name: str, near: np.ndarray, rows: int
-) -> np.ndarray:
-    whole = np.full(len(near), np.nan)
-    whole[near] = found.best[name]
-    return whole.reshape(rows, -1)

@@ -12,19 +12,41 @@ from sim.draw.silhouette import balls_silhouette
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
-    """Draw what a map covers, over the robot in the middle of its limits, as a PNG."""
-    robot, grid = cell_map.robot, cell_map.grid
-    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
+    """Draw what a map covers, over the robot in the middle of its limits, as a PNG.
+
+    From three sides: how many nodes a cell takes away, the most along each line of
+    sight.
+    """
+    from matplotlib.colors import LogNorm
+
+    grid, robot = cell_map.grid, cell_map.robot
     counts = node_counts(cell_map)
     swept = [
         np.flatnonzero(counts.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))
     ]
-    first = np.array([cells[0] for cells in swept])
+    origin = grid.origin + grid.h * np.array([cells[0] for cells in swept])
     counts = counts[tuple(np.s_[cells[0] : cells[-1] + 1] for cells in swept)]
-    origin = grid.origin + grid.h * first
-    return write_coverage_plot(
-        counts, origin, grid.h, centers, robot.spheres[:, 3], path
-    )
+    nx, ny, nz = counts.shape
+    widest = max(nx, ny, nz)
+    figure = style.new_figure(13, 4.6)
+    widths = [nx, nx, max(ny, widest / 4), widest / 25]
+    axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
+    norm = LogNorm(1, max(2, int(counts.max())))
+    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
+    outline = balls_silhouette(centers, robot.spheres[:, 3])
+    for axis, normal in zip(axes, (2, 1, 0), strict=False):
+        most = counts.max(axis=normal).T.astype(float)
+        most[most == 0] = np.nan
+        (u, v), view = style.VIEWS[normal]
+        look = {"colours": "YlGnBu", "norm": norm}
+        shown = style.draw_cut(axis, origin[[u, v]], grid.h, most, **look)
+        outline.draw(axis, (u, v))
+        style.space_axes(axis, normal)
+        axis.locator_params(nbins=5)
+        style.set_title(axis, view)
+    label = "nodes a cell takes away, the most along the line of sight"
+    style.colour_bar(figure, shown, label, cax=axes[3])
+    return style.save(figure, path, dpi=110)
 
 
 def node_counts(cell_map: CellMap) -> np.ndarray:
@@ -39,52 +61,6 @@ def node_counts(cell_map: CellMap) -> np.ndarray:
         counts[:, bit] = np.bincount(block[swept], minlength=len(counts))
     counts = counts.reshape(*blocks, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5)
     return np.ascontiguousarray(counts).reshape(4 * np.asarray(blocks))
-
-
-def write_coverage_plot(
-    counts: np.ndarray,
-    origin: np.ndarray,
-    h: float,
-    centers: np.ndarray,
-    radii: np.ndarray,
-    path: str | Path,
-) -> Path:
-    """Draw how many nodes each cell takes away, from three sides, over the robot.
-
-    Args:
-        counts: (nx, ny, nz) nodes that a point in the cell invalidates.
-        origin: (3,) lower corner of the grid [m].
-        h: Cell size [m].
-        centers: (n, 3) centres of the robot's spheres at some q [m].
-        radii: (n,) their radii [m].
-        path: PNG file to write.
-
-    Returns:
-        The path written: the largest count along each line of sight.
-    """
-    from matplotlib.colors import LogNorm
-
-    nx, ny, nz = counts.shape
-    widest = max(nx, ny, nz)
-    figure = style.new_figure(13, 4.6)
-    widths = [nx, nx, max(ny, widest / 4), widest / 25]
-    axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
-    norm = LogNorm(1, max(2, int(counts.max())))
-    robot = balls_silhouette(centers, radii)
-    for axis, normal in zip(axes, (2, 1, 0), strict=False):
-        most = counts.max(axis=normal).T.astype(float)
-        most[most == 0] = np.nan
-        (u, v), view = style.VIEWS[normal]
-        shown = style.draw_cut(
-            axis, origin[[u, v]], h, most, colours="YlGnBu", norm=norm
-        )
-        robot.draw(axis, (u, v))
-        style.space_axes(axis, normal)
-        axis.locator_params(nbins=5)
-        style.set_title(axis, view)
-    label = "nodes a cell takes away, the most along the line of sight"
-    style.colour_bar(figure, shown, label, cax=axes[3])
-    return style.save(figure, path, dpi=110)
 
 
 def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
