@@ -73,14 +73,10 @@ def load_hand(name: str) -> Hand:
         BadInput: No hand has that name.
         BadRobot: Its URDF lacks a link or joint that the hand names.
     """
-    return _hand_of(hand_spec(name))
+    return make_hand(hand_spec(name))
 
 
 @cache
-def _hand_of(spec: HandSpec) -> Hand:
-    return make_hand(spec)
-
-
 def make_hand(spec: HandSpec) -> Hand:
     """Return a hand from what is known of it; see `load_hand`."""
     path = robot_file(spec.robot)

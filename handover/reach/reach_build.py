@@ -118,15 +118,10 @@ def build_reach_map(
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
         "stopped_early": pool.is_late(),
-    } | _times(begun, cpu)
-    return replace(reach, built=built)
-
-
-def _times(begun: float, cpu: float) -> dict[str, float]:
-    return {
         "seconds": round(time.perf_counter() - begun, 2),
         "cpu_seconds": round(time.process_time() - cpu, 2),
     }
+    return replace(reach, built=built)
 
 
 class _Pool:

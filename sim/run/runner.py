@@ -19,7 +19,6 @@ from sim.loop.run_result import RunResult, stretches
 from sim.people.human_motion import HumanMotion
 from sim.record import recording
 from sim.run.meet import MeetTask
-from sim.run.meet_record import TargetColumns
 from sim.run.places import DEMO, PlacesTask
 from sim.run.planned import PlanTask
 from sim.run.report import setting
@@ -51,11 +50,13 @@ def run(request: RunRequest, live: object | None = None) -> dict:
         compile_ahead("run")
         task.open(tell)
         loop = task.loop(person, settings)
+    meets = isinstance(task, MeetTask)
+    beside = task.columns() if meets else None  # what a recording holds beside the run
     with (
-        recording(request.record, loop, task.cell_map, beside_of(task)) as recorder,
+        recording(request.record, loop, task.cell_map, beside) as recorder,
         watched(request, loop, task.cell_map) as page,
     ):
-        listeners = [task.hear]
+        listeners = [task.hear] if meets else []
         listeners += [recorder.add] if recorder else []
         listeners += [page.hear] if page else []
 
@@ -92,11 +93,6 @@ def task_of(request: RunRequest, live: object | None) -> Task:
     if request.plan is not None:
         return PlanTask(request)
     return (MeetTask if request.meets else PlacesTask)(request, live)
-
-
-def beside_of(task: Task) -> TargetColumns | None:
-    """Return what a recording of a task holds beside the run; None: nothing."""
-    return task.columns() if isinstance(task, MeetTask) else None
 
 
 def watched(

@@ -86,9 +86,8 @@ def flag(
     """
     if writes is not None:
         options = {"metavar": writes.metavar} | options
-    made = _field(default, typer.Option(*names, help=text, **_named(options)))
-    checks = {"limits": limits, "writes": writes}
-    return field(metadata={**made.metadata, **checks}, **_default(default))
+    option = typer.Option(*names, help=text, **_named(options))
+    return _field(default, option, limits=limits, writes=writes)
 
 
 def argument(default: object, text: str, **options: object) -> Field:
@@ -101,12 +100,9 @@ def _named(options: dict) -> dict:
     return options | panel
 
 
-def _field(default: object, option: object) -> Field:
-    return field(metadata={"option": option}, **_default(default))
-
-
-def _default(default: object) -> dict:
-    return {} if default is ... else {"default": default}
+def _field(default: object, option: object, **checks: object) -> Field:
+    given = {} if default is ... else {"default": default}
+    return field(metadata={"option": option, **checks}, **given)
 
 
 def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
