@@ -71,7 +71,8 @@ def build_reach_map(
 
     Uniform samples come first. Then the cells of every position are marked, best
     first: a cell's witness is propagated from a neighbour's by a few damped steps, or
-    is its best sample. Propagation also finds the rare cells that no sample hit.
+    is its best sample. Propagation also finds the rare cells that no sample hit. A
+    map writes itself to a folder by its `save`.
 
     Args:
         chain: What reaches; `chain_of(robot)` or a person's arm.
@@ -79,9 +80,6 @@ def build_reach_map(
         threads: 0 for one per core; the map does not depend on it.
         progress: Called with (stage, done, total).
         workers: Who does the chunks, see `odm.build_map`; None: threads in place.
-
-    Returns:
-        The map; save it with its `save`.
 
     Raises:
         BuildRefused: The grid would not fit in memory.
@@ -259,8 +257,8 @@ def _packed(chain: Chain, grid: ReachGrid, cells: Cells, reference: float) -> Re
     occupied = np.flatnonzero(count)
     row_of = np.full(grid.n_positions, -1, np.int32)
     row_of[occupied] = np.arange(len(occupied))
-    bits = np.zeros((len(occupied), -(-n // 64)), np.uint64)
-    lookup.pack_bits(quality[occupied], bits)
+    held = np.packbits(quality[occupied] != 0, axis=1, bitorder="little")
+    bits = np.pad(held, ((0, 0), (0, -held.shape[1] % 8))).view(np.uint64)
     marked = np.flatnonzero(cells.quality)
     predecessor = cells.predecessor[marked]
     rooted = predecessor == kernels.ROOT

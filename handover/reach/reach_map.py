@@ -140,10 +140,9 @@ class ReachMap:
 
     def dense(self) -> np.ndarray:
         """Return quality bytes (n_positions, n_rotations), 0 where not reached."""
-        positions, n = np.arange(self.grid.n_positions), self.grid.rotations.n_cells
-        out = np.empty((len(positions), n), np.uint8)
-        lookup.unpack(self.packed, n, positions, out)
-        return out
+        out = np.zeros(self.grid.n_cells, np.uint8)
+        out[self.marked_cells()] = self.packed.quality
+        return out.reshape(self.grid.n_positions, -1)
 
     def marked_cells(self) -> np.ndarray:
         """Return the (n_marked,) int64 cells that are reached, ascending."""

@@ -16,7 +16,7 @@ from sim.terminal.flags import (
     argument,
     flag,
     from_request,
-    given,
+    of_panels,
     refuse_beside,
 )
 from sim.terminal.output import report, write_text
@@ -115,19 +115,20 @@ def replay(request: ReplayRequest) -> None:
     path = request.frames or request.file
     if request.file is not None and path.suffix.lower() == ".json":
         what = f"a recording, but {path} is a hand-over plan"
-        _refuse(given(request, _RUN) + given(request, _FRAMES), what)
-        refuse_beside(request, ("map_dir", "reach"), what)
+        names = [*of_panels(request, _RUN, _FRAMES), "map_dir", "reach"]
+        refuse_beside(request, names, what)
         _play_plan(path, request)
         return
-    _refuse(given(request, _PLAN), f"a hand-over plan, which {path} is not")
+    what = f"a hand-over plan, which {path} is not"
+    refuse_beside(request, of_panels(request, _PLAN), what)
     _check_archive(path)
     if is_record(path):
         what = f"recorded obstacle frames, but {path} is a recorded run"
-        _refuse(given(request, _FRAMES), what)
+        refuse_beside(request, of_panels(request, _FRAMES), what)
         _replay(path, request)
         return
-    _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
-    refuse_beside(request, ("reach",), f"a recorded run, which {path} is not")
+    what = f"a recorded run, which {path} is not"
+    refuse_beside(request, [*of_panels(request, _RUN), "reach"], what)
     if request.map_dir is None:
         raise Refused(
             f"{path} holds recorded obstacle frames, which need a map: add --map MAP"
@@ -151,13 +152,6 @@ def _check_archive(path: Path) -> None:
             f"{path} {what}; give a recording of `odm run --record`, a plan (.json), "
             "or frames that numpy.savez wrote"
         )
-
-
-def _refuse(flags: list[str], what: str) -> None:
-    from roadmap.errors import BadInput
-
-    if flags:
-        raise BadInput(f"{flags[0]} goes with {what}; leave it out")
 
 
 def _play_plan(path: Path, request: ReplayRequest) -> None:

@@ -213,8 +213,8 @@ def write_files(
     result: RunResult,
     data: dict,
     tell: Progress,
-) -> list[Path]:
-    """Write the pictures and figures that were asked for; return their paths.
+) -> list[Path | str]:
+    """Write the pictures and figures that were asked for; return paths, and notes.
 
     The film shows the first seconds of a scene, else the liveliest ones.
     """
@@ -227,7 +227,8 @@ def write_files(
 
         write_latency_plot(result, plot)
     if film is not None:
-        _write_film(loop, cell_map, result, film, tell)
+        note = _write_film(loop, cell_map, result, film, tell)
+        written += [note] if note else []
     if figures is not None:
         text = json.dumps(data, indent=1) if request.meets else result.to_json()
         write_text(figures, text)
@@ -236,10 +237,11 @@ def write_files(
 
 def _write_film(
     loop: Loop, cell_map: CellMap, result: RunResult, path: Path, tell: Progress
-) -> None:
+) -> str:
+    """Write the film of a run; return what is to be said of it, "" for nothing."""
     from sim.draw.animation import FilmSettings, write_animation
+    from sim.draw.cover_world import open_world
     from sim.draw.surroundings import all_triangles, standing_of
-    from sim.run.demo import open_world
 
     film, film_s = FilmSettings(), getattr(loop.motion, "film_s", None)
     if film_s is not None:
@@ -247,13 +249,14 @@ def _write_film(
         film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
     still = all_triangles(standing_of(loop.planner))
     with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map, loop.planner.attached)
+        world, note = open_world(cell_map, loop.planner.attached)
     with world:
         world.stand(still)
         tools = getattr(loop, "tools", None)
         write_animation(
             result, cell_map.robot, loop.places, world, path, film, tools, still, tell
         )
+    return note
 
 
 def _show(

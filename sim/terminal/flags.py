@@ -151,14 +151,10 @@ def option_like(option: object) -> bool:
     return not isinstance(option, typer.models.ArgumentInfo)
 
 
-def given(request: object, panel: str) -> list[str]:
-    """Return the flags of a panel of the help that were given."""
-    flags = flags_of(type(request))
-    return [
-        flags[name]
-        for name, (_, _, option) in _options(type(request)).items()
-        if option.rich_help_panel == panel and is_given(request, name)
-    ]
+def of_panels(request: object, *panels: str) -> list[str]:
+    """Return the fields of a request whose flags stand in some panels of the help."""
+    options = _options(type(request)).items()
+    return [name for name, (*_, option) in options if option.rich_help_panel in panels]
 
 
 def is_given(request: object, name: str) -> bool:
