@@ -8,13 +8,13 @@ import numpy as np
 
 from handover.grasps import _closing as kernels
 from handover.grasps.hands import HandSpec, hand_spec
-from odm.audit.exact import BOX_CORNERS, gather
+from odm.audit.exact import gather, solid_part
 from roadmap.errors import BadRobot
 from roadmap.geometry.solids import Solid, solid_of
 from roadmap.loading.body_tree import drive
 from roadmap.robot.description import MOVABLE, Description, Joint, read_description
 from roadmap.robot.known import robot_file
-from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
+from roadmap.robot.robot import CYLINDER, SPHERE
 from roadmap.transforms import flat_pose, moved_points
 
 _KINDS = {
@@ -73,14 +73,10 @@ def load_hand(name: str) -> Hand:
         BadInput: No hand has that name.
         BadRobot: Its URDF lacks a link or joint that the hand names.
     """
-    return _hand_of(hand_spec(name))
+    return make_hand(hand_spec(name))
 
 
 @cache
-def _hand_of(spec: HandSpec) -> Hand:
-    return make_hand(spec)
-
-
 def make_hand(spec: HandSpec) -> Hand:
     """Return a hand from what is known of it; see `load_hand`."""
     path = robot_file(spec.robot)
@@ -206,26 +202,18 @@ def _solids(description: Description, links: list[str], path: object) -> list[So
     ]
 
 
-def _part(solid: Solid) -> tuple[np.ndarray, float, float, float]:
-    """Return a solid as (points, margin, radius, half length); see `shape_parts`."""
-    if solid.kind == HULL:
-        return solid.points, 0.0, 0.0, 0.0
-    if solid.kind == BOX:
-        return BOX_CORNERS * solid.size, 0.0, 0.0, 0.0
-    if solid.kind == CYLINDER:
-        return np.empty((0, 3)), 0.0, solid.size[0], 0.5 * solid.size[1]
-    return np.zeros((1, 3)), solid.size[0], 0.0, 0.0
-
-
 def _merged(solids: list[Solid]) -> tuple[list[Solid], list[tuple]]:
     """Return solids and their parts, capsules as one: ten times as fast to measure."""
     rods, balls = capsules_in(solids)
     kept = [k for k in range(len(solids)) if k not in balls]
+    merged = [solids[k] for k in kept]
     parts = [
-        (rods[k], solids[k].size[0], 0.0, 0.0) if k in rods else _part(solids[k])
-        for k in kept
+        (rods[k], s.size[0], 0.0, 0.0)
+        if k in rods
+        else solid_part(s.kind, s.size, s.points)
+        for k, s in zip(kept, merged, strict=True)
     ]
-    return [solids[k] for k in kept], parts
+    return merged, parts
 
 
 def capsules_in(solids: list[Solid]) -> tuple[dict[int, np.ndarray], set[int]]:

@@ -25,12 +25,13 @@ PELVIS_TO_TRUNK = 0.060  # the joint that bends pelvis against chest
 TRUNK_TO_SHOULDER = 0.188  # centre of the glenohumeral joint, up
 SHOULDER_HALF_BREADTH = 0.110  # Winter's 0.129 is the outer shoulder, too wide
 TRUNK_TO_NECK = 0.210  # lower neck
-NECK_TO_SKULL, SKULL_TO_CROWN = 0.030, 0.130
+NECK_TO_SKULL, NECK_TO_CROWN = 0.030, 0.030 + 0.130
 NECK_TO_EYES = 0.096  # up: eyes at 0.936 H (Winter's figure)
 EYES_FORWARD = 0.050  # before the head's axis: half of ANSUR II's head length
 
 # legs, downwards from the pelvis' frame [MMM]; the foot's length is Winter's
 PELVIS_TO_HIP, HIP_HALF_BREADTH = 0.040, 0.052
+TRUNK = PELVIS_TO_HIP + PELVIS_TO_TRUNK + TRUNK_TO_NECK  # hip to lower neck
 THIGH, SHANK, ANKLE = 0.245, 0.246, 0.039
 FOOT = 0.152  # heel to toes
 

@@ -8,18 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from handover.human import anthropometry
 from handover.human._human_arm import body_rods
-from handover.human.anthropometry import (
-    HAND,
-    NECK_TO_SKULL,
-    PELVIS_TO_HIP,
-    PELVIS_TO_TRUNK,
-    RADII,
-    SKULL_TO_CROWN,
-    TRUNK_TO_NECK,
-    check_height,
-    check_thickness,
-)
+from handover.human.anthropometry import RADII, check_height, check_thickness
 from roadmap.arrays import frozen, writable
 from roadmap.errors import BadInput
 
@@ -111,9 +102,8 @@ class BodySizes:
         """
         check_height(height, "give BodySizes with your own numbers instead")
         radii = RADII[check_thickness(thickness)]
-        crown = NECK_TO_SKULL + SKULL_TO_CROWN
-        trunk = PELVIS_TO_HIP + PELVIS_TO_TRUNK + TRUNK_TO_NECK
-        lengths = (HAND * height, crown * height, trunk * height)
+        shares = anthropometry.HAND, anthropometry.NECK_TO_CROWN, anthropometry.TRUNK
+        lengths = [share * height for share in shares]
         return cls(*radii[:6], *lengths, *radii[6:])
 
 
@@ -149,12 +139,10 @@ class UpperBody:
                 f"no arm is complete among {', '.join(sorted(self.present)) or 'none'};"
                 " give shoulder, elbow and hand of at least one side"
             )
-        rows = [row for side in self.sides for row in self._arm_rows(side)]
-        if self.has_trunk:
-            rows += self._trunk_rows()
-        labels = np.array([part for part, _ in rows])
-        needs = np.zeros((len(rows), len(JOINTS)), bool)
-        for row, (_, joints) in zip(needs, rows, strict=True):
+        rods = self._rods(dict.fromkeys(self.present, np.zeros(3)))  # wherever it is
+        labels = np.array([part for part, *_ in rods])
+        needs = np.zeros((len(rods), len(JOINTS)), bool)
+        for row, (_, joints, *_) in zip(needs, rods, strict=True):
             row[[COLUMN[name] for name in joints]] = True
         object.__setattr__(self, "labels", frozen(labels, np.int64))
         object.__setattr__(self, "needs", frozen(needs, np.bool_))
@@ -214,10 +202,11 @@ class UpperBody:
         if self._is_whole and places.ndim == 2:
             return self.with_legs(places, _NO_LEGS, _HERE)
         at = {name: places[..., COLUMN[name], :] for name in self.present}
-        rods = [rod for side in self.sides for rod in self._arm(at, side)]
-        if self.has_trunk:
-            rods += self._trunk(at)
-        return _rows_of(rods, places.shape[:-2])
+        rods = self._rods(at)
+        rows = np.empty((*places.shape[:-2], len(rods), 7))
+        for k, (_, _, a, b, radius) in enumerate(rods):
+            rows[..., k, :3], rows[..., k, 3:6], rows[..., k, 6] = a, b, radius
+        return rows
 
     def with_legs(
         self, places: np.ndarray, legs: np.ndarray, T_pelvis: np.ndarray
@@ -238,57 +227,45 @@ class UpperBody:
         body_rods(writable(places), self._limbs, self._lengths, *given, rows)
         return rows
 
-    def _arm_rows(self, side: str) -> list[tuple[Part, list[str]]]:
-        """Return part and joints of the rods of `_arm`, in its order."""
-        shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
-        hand_part, fore, upper = ARM_LABELS[side]
-        fingers = [hand, tip if tip in self.present else elbow]
-        return [
-            (hand_part, fingers),
-            (fore, [elbow, hand]),
-            (upper, [shoulder, elbow]),
-        ]
+    def _rods(self, at: dict[str, np.ndarray]) -> list[tuple]:
+        """Return part, joints that place it, ends (..., 3) [m], radius of each rod."""
+        rods = [rod for side in self.sides for rod in self._arm(at, side)]
+        return rods + (self._trunk(at) if self.has_trunk else [])
 
     def _arm(self, at: dict[str, np.ndarray], side: str) -> list[tuple]:
         shoulder, elbow, hand, tip = (f"{side}_{j}" for j in (*ARM, "tip"))
+        hand_part, fore, upper = ARM_LABELS[side]
         sizes, wrist = self.sizes, at[hand]
         if tip in at:
             fingers = at[tip]
         else:
             beyond = max(sizes.hand_length - sizes.hand, 0.0)
             fingers = wrist + beyond * _unit(wrist - at[elbow])
+        along = hand, tip if tip in at else elbow
         return [
-            (wrist, fingers, sizes.hand),
-            (at[elbow], wrist, sizes.forearm),
-            (at[shoulder], at[elbow], sizes.upper_arm),
+            (hand_part, along, wrist, fingers, sizes.hand),
+            (fore, (elbow, hand), at[elbow], wrist, sizes.forearm),
+            (upper, (shoulder, elbow), at[shoulder], at[elbow], sizes.upper_arm),
         ]
 
-    def _trunk_rows(self) -> list[tuple[Part, list[str]]]:
-        """Return part and joints of the rods of `_trunk`, in its order."""
-        neck = ["neck"] if "neck" in self.present else list(self._shoulders)
-        rows = [(Part.TORSO, neck + [n for n in ("hip",) if n in self.present])]
-        if len(self._shoulders) == 2:
-            rows.append((Part.TORSO, list(self._shoulders)))
-        rows.append((Part.HEAD, neck + [n for n in ("head",) if n in self.present]))
-        return rows
-
     def _trunk(self, at: dict[str, np.ndarray]) -> list[tuple]:
-        sizes, rods = self.sizes, []
+        sizes, above = self.sizes, ("neck",) if "neck" in at else self._shoulders
         shoulders = [at[name] for name in self._shoulders]
         neck = at["neck"] if "neck" in at else np.mean(shoulders, axis=0)
         hip = at.get("hip", neck - [0.0, 0.0, sizes.trunk])
+        needs = [(*above, name) if name in at else above for name in ("hip", "head")]
         # a round end at the neck would bury the chin: it ends at the shoulders' height
         spine, length = _unit(neck - hip), _length(neck - hip)
         chest = neck - np.minimum(length, sizes.torso - sizes.shoulders) * spine
-        rods.append((hip, chest, sizes.torso))
+        rods = [(Part.TORSO, needs[0], hip, chest, sizes.torso)]
         if len(shoulders) == 2:
-            rods.append((*shoulders, sizes.shoulders))
+            rods.append((Part.TORSO, self._shoulders, *shoulders, sizes.shoulders))
         towards = at.get("head", neck + [0.0, 0.0, 1.0]) - neck
         # a head joint is the base of the skull or a marker on top: reach the crown
         crown = sizes.crown - sizes.head
         reach = np.maximum(_length(towards), crown) if "head" in at else crown
-        rods.append((neck, neck + reach * _unit(towards), sizes.head))
-        return rods
+        crown = neck + reach * _unit(towards)
+        return [*rods, (Part.HEAD, needs[1], neck, crown, sizes.head)]
 
 
 def leg_capsules(places: np.ndarray, sizes: BodySizes) -> np.ndarray:
@@ -344,14 +321,6 @@ def joint_places(capsules: np.ndarray, labels: np.ndarray) -> np.ndarray:
                 if name is not None:
                     places[COLUMN[name]] = end
     return places
-
-
-def _rows_of(rods: list[tuple], shape: tuple[int, ...]) -> np.ndarray:
-    """Return rods of ends a, b (*shape, 3) and a radius as rows (*shape, k, 7) [m]."""
-    rows = np.empty((*shape, len(rods), 7))
-    for k, (a, b, radius) in enumerate(rods):
-        rows[..., k, :3], rows[..., k, 3:6], rows[..., k, 6] = a, b, radius
-    return rows
 
 
 def _length(v: np.ndarray) -> np.ndarray:

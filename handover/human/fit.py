@@ -105,7 +105,9 @@ def arm_joints(
         off = np.maximum(off, 0.0) @ _BEYOND
         if off < least:
             best, least = q, off
-    R = _shoulder(best[:3]) @ _about_y(-best[3])
+    f, a, r, e = best[:4]
+    turned = rotation_rpy(-a, 0.0, 0.0) @ rotation_rpy(0.0, 0.0, r)
+    R = rotation_rpy(0.0, -f, 0.0) @ turned @ rotation_rpy(0.0, -e, 0.0)
     if R_hand is None:
         x, y, z = R.T @ (v if fingers is None else fingers)
         best[5:] = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
@@ -131,16 +133,6 @@ def _reading(u: np.ndarray, v: np.ndarray, shoulder: int, elbow: int) -> np.ndar
     bent = math.hypot(x, y)
     r = math.atan2(elbow * y, elbow * x) if bent > 1e-9 else 0.0
     return np.array([f, a, r, math.atan2(elbow * bent, -z), 0.0, 0.0, 0.0])
-
-
-def _shoulder(q: np.ndarray) -> np.ndarray:
-    """Return the rotation Ry(-f) Rx(-a) Rz(r) of the upper arm."""
-    turned = rotation_rpy(-q[1], 0.0, 0.0) @ rotation_rpy(0.0, 0.0, q[2])
-    return _about_y(-q[0]) @ turned
-
-
-def _about_y(angle: float) -> np.ndarray:
-    return rotation_rpy(0.0, angle, 0.0)
 
 
 def _named(places: np.ndarray | Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -175,8 +167,7 @@ def _height(at: dict[str, np.ndarray], sides: list[str]) -> float:
         ):
             guesses.append(np.linalg.norm(at[a] - at[b]) / share)
     if "neck" in at and "hip" in at:
-        trunk = body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
-        guesses.append(np.linalg.norm(at["neck"] - at["hip"]) / trunk)
+        guesses.append(np.linalg.norm(at["neck"] - at["hip"]) / body.TRUNK)
     guess = float(np.mean(guesses))
     if not 0.6 * body.HEIGHTS[0] <= guess <= 1.5 * body.HEIGHTS[1]:
         raise BadInput(
@@ -192,8 +183,7 @@ def _trunk(
     """Return the trunk's rotation, and the places of neck and hip."""
     shoulders = [at[f"{s}_shoulder"] for s in SIDES if f"{s}_shoulder" in at]
     neck = at["neck"] if "neck" in at else np.mean(shoulders, axis=0)
-    trunk = body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
-    hip = at.get("hip", neck - [0.0, 0.0, trunk * height])
+    hip = at.get("hip", neck - [0.0, 0.0, body.TRUNK * height])
     if len(shoulders) == 2:
         left = shoulders[0] - shoulders[1]
     else:

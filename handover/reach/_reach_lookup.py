@@ -102,27 +102,3 @@ def predecessors_to_root(packed, grid, cell, predecessors):
         predecessors[n] = packed.predecessor[at]
         n += 1
         cell = origin_cell(grid, cell, predecessors[n - 1])
-
-
-@njit(**BARE)
-def unpack(packed, n_rotations, positions, out):
-    """Write the quality bytes of whole positions to `out` (n, n_rotations)."""
-    for i in range(positions.shape[0]):
-        row = packed.row_of[positions[i]]
-        out[i] = 0
-        if row < 0:
-            continue
-        at = packed.first[row]
-        for r in range(n_rotations):
-            if packed.bits[row, r >> 6] >> np.uint64(r & 63) & np.uint64(1):
-                out[i, r] = packed.quality[at]
-                at += 1
-
-
-@njit(**BARE)
-def pack_bits(rows, bits):
-    """Write to `bits` (n_rows, words) which entries of `rows` (n_rows, n) are not 0."""
-    for i in range(rows.shape[0]):
-        for r in range(rows.shape[1]):
-            if rows[i, r] != 0:
-                bits[i, r >> 6] |= np.uint64(1) << np.uint64(r & 63)

@@ -20,8 +20,8 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
 from roadmap.chunks import Progress, Workers
-from roadmap.errors import BadInput, BuildRefused
-from roadmap.ranges import is_between, settings_of
+from roadmap.errors import BuildRefused
+from roadmap.ranges import CheckedSettings, setting, settings_of
 
 _CHUNK = 1 << 17  # samples drawn at a time
 _POSITIONS = 16  # positions marked at a time
@@ -30,7 +30,7 @@ MAX_BYTES = 6e9  # of a build
 
 
 @dataclass(frozen=True)
-class ReachSettings:
+class ReachSettings(CheckedSettings):
     """How a reach map is filled.
 
     Attributes:
@@ -47,30 +47,16 @@ class ReachSettings:
             the machine.
     """
 
-    cell: float = 0.05
-    rotations: int = 576
-    samples: int = 3_000_000
-    seed: int = 1
-    sweeps: int = 12
-    keep: float = 0.8
-    seconds: float | None = None
+    cell: float = setting(0.05, 1e-3, 1.0)
+    rotations: int = setting(576, 0, 10**9)
+    samples: int = setting(3_000_000, 1000, 4_000_000_000)
+    seed: int = setting(1, 0, 2**31)
+    sweeps: int = setting(12, 1, 50)
+    keep: float = setting(0.8, 0.0, 1.0)
+    seconds: float | None = setting(None, 1e-9, np.inf, "s")
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("cell", 1e-3, 1.0),
-            ("samples", 1000, 4_000_000_000),
-            ("rotations", -1e9, 1e9),
-            ("seed", 0, 2**31),
-            ("sweeps", 1, 50),
-            ("keep", 0.0, 1.0),
-        ):
-            value = getattr(self, name)
-            if not is_between(value, low, high):
-                raise BadInput(
-                    f"{name} of a reach map is {value}; give {low:g} to {high:g}"
-                )
-        if self.seconds is not None and not is_between(self.seconds, 1e-9, np.inf):
-            raise BadInput(f"seconds is {self.seconds}; give more than 0, or None")
+        super().__post_init__()
         rotation_grid(self.rotations)
 
 
@@ -85,7 +71,8 @@ def build_reach_map(
 
     Uniform samples come first. Then the cells of every position are marked, best
     first: a cell's witness is propagated from a neighbour's by a few damped steps, or
-    is its best sample. Propagation also finds the rare cells that no sample hit.
+    is its best sample. Propagation also finds the rare cells that no sample hit. A
+    map writes itself to a folder by its `save`.
 
     Args:
         chain: What reaches; `chain_of(robot)` or a person's arm.
@@ -93,9 +80,6 @@ def build_reach_map(
         threads: 0 for one per core; the map does not depend on it.
         progress: Called with (stage, done, total).
         workers: Who does the chunks, see `odm.build_map`; None: threads in place.
-
-    Returns:
-        The map; save it with its `save`.
 
     Raises:
         BuildRefused: The grid would not fit in memory.
@@ -132,15 +116,10 @@ def build_reach_map(
         "pushes": int(counts[2]),
         "refused_for_self_collision": int(counts[3]),
         "stopped_early": pool.is_late(),
-    } | _times(begun, cpu)
-    return replace(reach, built=built)
-
-
-def _times(begun: float, cpu: float) -> dict[str, float]:
-    return {
         "seconds": round(time.perf_counter() - begun, 2),
         "cpu_seconds": round(time.process_time() - cpu, 2),
     }
+    return replace(reach, built=built)
 
 
 class _Pool:
@@ -278,8 +257,8 @@ def _packed(chain: Chain, grid: ReachGrid, cells: Cells, reference: float) -> Re
     occupied = np.flatnonzero(count)
     row_of = np.full(grid.n_positions, -1, np.int32)
     row_of[occupied] = np.arange(len(occupied))
-    bits = np.zeros((len(occupied), -(-n // 64)), np.uint64)
-    lookup.pack_bits(quality[occupied], bits)
+    held = np.packbits(quality[occupied] != 0, axis=1, bitorder="little")
+    bits = np.pad(held, ((0, 0), (0, -held.shape[1] % 8))).view(np.uint64)
     marked = np.flatnonzero(cells.quality)
     predecessor = cells.predecessor[marked]
     rooted = predecessor == kernels.ROOT

@@ -70,29 +70,26 @@ class ReachMap:
     def _grid_arrays(self) -> kernels.Grid:
         return self.grid.arrays
 
-    def quality(self, T_base_tool: np.ndarray, unit_m: float = 1.0) -> np.ndarray:
+    def quality(self, T_base_tool: np.ndarray) -> np.ndarray:
         """Return the quality of tool poses, in [0, 1]; 0 where they are not reached.
 
         Args:
-            T_base_tool: (4, 4) or (n, 4, 4) [m].
-            unit_m: Length of the chain's unit [m]: a person's arm for a map in units
-                of an arm's length, which then fits any height; 1 for a robot.
+            T_base_tool: (4, 4) or (n, 4, 4) [m]; of a person's arm in units of its
+                length, see `Human.reach_pose`, so that a map fits any height.
 
         Returns:
             A float, or (n,) float64: the byte of the cell over 255.
 
         Raises:
-            BadInput: Not poses, not finite, not rigid; or a unit that does not fit.
+            BadInput: Not poses, not finite, not rigid.
         """
-        poses = self._poses(T_base_tool, unit_m)
+        poses = _flat(T_base_tool)
         out = np.empty(len(poses), np.uint8)
         lookup.qualities_of_poses(self.packed, self._grid_arrays, poses, out)
         quality = out / 255.0
         return quality if np.ndim(T_base_tool) == 3 else float(quality[0])
 
-    def witness(
-        self, T_base_tool: np.ndarray, unit_m: float = 1.0
-    ) -> np.ndarray | None:
+    def witness(self, T_base_tool: np.ndarray) -> np.ndarray | None:
         """Return the configuration that proves a pose's cell reached, None without.
 
         Its tool is in the same cell, not at the same pose: `robot.ik(T, q_seed=...)`
@@ -102,7 +99,7 @@ class ReachMap:
             BadInput: As in `quality`.
             BadMap: The map contradicts itself.
         """
-        pose = self._poses(check_pose(T_base_tool, "T_base_tool"), unit_m)[0]
+        pose = flat_pose(check_pose(T_base_tool, "T_base_tool"))
         return self.witness_of(int(kernels.cell_of(self._grid_arrays, pose)))
 
     def witness_of(self, cell: int) -> np.ndarray | None:
@@ -143,10 +140,9 @@ class ReachMap:
 
     def dense(self) -> np.ndarray:
         """Return quality bytes (n_positions, n_rotations), 0 where not reached."""
-        positions, n = np.arange(self.grid.n_positions), self.grid.rotations.n_cells
-        out = np.empty((len(positions), n), np.uint8)
-        lookup.unpack(self.packed, n, positions, out)
-        return out
+        out = np.zeros(self.grid.n_cells, np.uint8)
+        out[self.marked_cells()] = self.packed.quality
+        return out.reshape(self.grid.n_positions, -1)
 
     def marked_cells(self) -> np.ndarray:
         """Return the (n_marked,) int64 cells that are reached, ascending."""
@@ -185,31 +181,24 @@ class ReachMap:
         arrays |= {f"chain.{name}": a for name, a in chain.arrays._asdict().items()}
         return write_folder(path, manifest, arrays | {"origin": self.grid.origin})
 
-    def _poses(self, poses: np.ndarray, unit_m: float) -> np.ndarray:
-        poses = as_floats("poses", poses)
-        if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3):
-            raise BadInput(f"poses have the shape {poses.shape}; give (n, 4, 4)")
-        stack = poses.reshape(-1, 4, 4)
-        if not np.isfinite(stack).all():
-            raise BadInput("poses hold NaN or infinity; give finite numbers")
-        R = stack[:, :3, :3]
-        off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
-        last = np.abs(stack[:, 3] - [0, 0, 0, 1]).max(initial=0.0)
-        if off > 1e-6 or last > 1e-9 or (np.linalg.det(R) < 0).any():
-            raise BadInput(
-                f"poses are not rigid motions (error {max(off, last):.2g}, limit "
-                "1e-6); normalise them"
-            )
-        if not (np.isfinite(unit_m) and unit_m > 0):
-            raise BadInput(f"unit_m is {unit_m}; give a length in m above 0")
-        if self.chain.unit == "m" and unit_m != 1.0:
-            raise BadInput(
-                f"unit_m is {unit_m}, but the map of {self.chain.name} is in metres; "
-                "leave it away"
-            )
-        flat = flat_pose(stack)
-        flat[:, 9:] /= unit_m
-        return flat
+
+def _flat(poses: np.ndarray) -> np.ndarray:
+    """Return poses (4, 4) or (n, 4, 4) as rows (n, 12), checked."""
+    poses = as_floats("poses", poses)
+    if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3):
+        raise BadInput(f"poses have the shape {poses.shape}; give (n, 4, 4)")
+    stack = poses.reshape(-1, 4, 4)
+    if not np.isfinite(stack).all():
+        raise BadInput("poses hold NaN or infinity; give finite numbers")
+    R = stack[:, :3, :3]
+    off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
+    last = np.abs(stack[:, 3] - [0, 0, 0, 1]).max(initial=0.0)
+    if off > 1e-6 or last > 1e-9 or (np.linalg.det(R) < 0).any():
+        raise BadInput(
+            f"poses are not rigid motions (error {max(off, last):.2g}, limit 1e-6); "
+            "normalise them"
+        )
+    return flat_pose(stack)
 
 
 def load_reach_map(

@@ -186,12 +186,7 @@ def solved(
 
 def random_poses(box: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
     """Return (n, 12) poses, uniform in a box (2, 3) and over all rotations."""
-    w, x, y, z = rng.normal(size=(4, n))
-    norm = np.sqrt(w * w + x * x + y * y + z * z)
-    w, x, y, z = w / norm, x / norm, y / norm, z / norm
-    rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
-        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
-    return np.column_stack([*rows, rng.uniform(*box, (n, 3))])
+    from scipy.spatial.transform import Rotation  # not where maps are only asked
+
+    turns = Rotation.from_quat(rng.normal(size=(4, n)).T[:, [1, 2, 3, 0]]).as_matrix()
+    return np.hstack([turns.reshape(n, 9), rng.uniform(*box, (n, 3))])

@@ -5,7 +5,7 @@ What each entry means is written in `docs/plans.md`, "The plan as a file".
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,9 @@ from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from roadmap.errors import BadInput
 from roadmap.unfinished import put_file
 
+_SHAPES = {
+    kind.__name__.lower(): kind for kind in (Box, Capsule, Cylinder, Mesh, Sphere)
+}
 FORMAT, VERSION = "odm hand-over plan", 1
 WHO = ("giver", "receiver")
 
@@ -255,27 +258,15 @@ def _hold(hold: Hold) -> dict:
 
 def _shape(shape: Shape) -> dict:
     """Return a shape at its pose as plain data."""
-    at = {"pose": shape.T_base_shape.tolist()}
-    if isinstance(shape, Box):
-        return {"type": "box", "size": shape.size.tolist(), **at}
-    if isinstance(shape, Sphere):
-        return {"type": "sphere", "radius": shape.radius, **at}
-    if isinstance(shape, Mesh):
-        corners = {"vertices": shape.vertices.tolist(), "faces": shape.faces.tolist()}
-        return {"type": "mesh", **corners, **at}
-    kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
-    assert isinstance(shape, Capsule | Cylinder)
-    return {"type": kind, "radius": shape.radius, "length": shape.length, **at}
+    values = {
+        f.name: np.asarray(getattr(shape, f.name)).tolist() for f in fields(shape)
+    }
+    kind, pose = type(shape).__name__.lower(), values.pop("T_base_shape")
+    return {"type": kind, **values, "pose": pose}
 
 
 def read_shape(entry: Mapping) -> Shape:
     """Return a shape of a plan's record, at its pose."""
-    at = np.array(entry["pose"], float)
-    if entry["type"] == "box":
-        return Box(np.array(entry["size"], float), at)
-    if entry["type"] == "sphere":
-        return Sphere(float(entry["radius"]), at)
-    if entry["type"] == "mesh":
-        return Mesh(np.array(entry["vertices"], float), np.array(entry["faces"]), at)
-    kind = {"capsule": Capsule, "cylinder": Cylinder}[entry["type"]]
-    return kind(float(entry["radius"]), float(entry["length"]), at)
+    kind = _SHAPES[entry["type"]]
+    *names, _ = (f.name for f in fields(kind))  # the last one is the pose
+    return kind(*(entry[name] for name in names), entry["pose"])

@@ -65,7 +65,9 @@ class ExactRobot:
 
     def __init__(self, robot: Robot, base: bool = False) -> None:
         self.robot = robot
-        parts = [_robot_part(robot, i) for i in range(len(robot.solid_kind))]
+        points = np.split(robot.solid_points, robot.solid_ptr[1:-1])
+        solids = zip(robot.solid_kind, robot.solid_size, points, strict=False)
+        parts = [solid_part(*each) for each in solids]
         self.convexes = gather(parts, robot.solid_link)
         self.body = robot.link_body[robot.solid_link]
         self._pose = robot.solid_pose
@@ -262,10 +264,9 @@ def _mesh_parts(mesh: solid.Mesh):
     return facets, np.ascontiguousarray(triangles)
 
 
-def _robot_part(robot: Robot, i: int):
-    kind, size = robot.solid_kind[i], robot.solid_size[i]
+def solid_part(kind: int, size: np.ndarray, points: np.ndarray) -> tuple:
+    """Return a robot's solid, see `Solid`, as a part; see `shape_parts`."""
     if kind == HULL:
-        points = robot.solid_points[robot.solid_ptr[i] : robot.solid_ptr[i + 1]]
         return points, 0.0, 0.0, 0.0
     if kind == BOX:
         return BOX_CORNERS * size, 0.0, 0.0, 0.0
@@ -273,7 +274,7 @@ def _robot_part(robot: Robot, i: int):
         return np.empty((0, 3)), 0.0, size[0], 0.5 * size[1]
     if kind == SPHERE:
         return np.zeros((1, 3)), size[0], 0.0, 0.0
-    raise BadInput(f"solid {i} is of unknown kind {kind}: load the robot again")
+    raise BadInput(f"a solid is of unknown kind {kind}: load the robot again")
 
 
 def gather(parts: list[tuple], owner: np.ndarray) -> kernels.Convexes:

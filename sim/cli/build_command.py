@@ -195,13 +195,10 @@ def recipe_of(request: BuildRequest) -> "Recipe":
                 "with --out"
             )
         table["name"] = request.name
-    table["scenery"] = [*table.get("scenery", ()), *_scenery(request.scenery)]
+    more = [str(Path(file).absolute()) for file in request.scenery or []]
+    more = [{"type": "file", "file": file} for file in more]
+    table["scenery"] = [*table.get("scenery", ()), *more]
     return parse_recipe(table, table["name"], folder)
-
-
-def _scenery(files: list[str] | None) -> list[dict]:
-    """Return the [[scenery]] tables of files typed here: from the current folder."""
-    return [{"type": "file", "file": str(Path(f).absolute())} for f in files or []]
 
 
 def build_to(
@@ -215,15 +212,16 @@ def build_to(
 
     A build that was ended before goes on from its finished chunks.
     """
-    import time
-
     from odm import build_map, load_map
+    from odm.cell_map.build import robot_of
     from odm.obstacles.scenery import parse_scenery
 
     begun = time.perf_counter()
     parse_scenery(recipe.scenery, recipe.folder)  # a mistake is told before any work
     with crew(target, threads, place, _LOADS) as workers, Bars() as tell:
-        robot = _load_robot(recipe, tell)
+        tell("robot and its cover", 0, 1)
+        robot = robot_of(recipe)
+        tell("robot and its cover", 1, 1)
         if not quiet:
             _tell_size(robot, recipe)
         cell_map = build_map(recipe, threads, tell, robot, workers)
@@ -231,15 +229,6 @@ def build_to(
         cell_map.save(target)
         tell("saving", 1, 1)
     return load_map(target), time.perf_counter() - begun
-
-
-def _load_robot(recipe: "Recipe", tell: Bars) -> "Robot":
-    from odm.cell_map.build import robot_of
-
-    tell("robot and its cover", 0, 1)
-    robot = robot_of(recipe)
-    tell("robot and its cover", 1, 1)
-    return robot
 
 
 def _tell_size(robot: "Robot", recipe: "Recipe") -> None:

@@ -78,7 +78,7 @@ def doctor(request: DoctorRequest) -> None:
 def examine(maps: Path) -> list[Row]:
     """Return everything that was looked at; nothing is compiled or loaded for it."""
     rows = [_python(), *(_package(*pair) for pair in NEEDED.items())]
-    rows += [_more(module, *row) for module, row in MORE.items()]
+    rows += [_package(module, *row) for module, row in MORE.items()]
     rows += [_writable(), _compiled(), *_machine(), _maps(maps)]
     return rows
 
@@ -93,22 +93,15 @@ def _python() -> Row:
     return Row("python", "ok", version)
 
 
-def _package(module: str, package: str) -> Row:
-    from sim.tables.versions import version
-
-    found = version(package)
-    if not is_there(module):
-        remedy = f"pip install {package}"
-        return Row(package, "wrong", "not installed", remedy)
-    return Row(package, "ok", found or "installed")
-
-
-def _more(module: str, package: str, extra: str, use: str) -> Row:
+def _package(module: str, package: str, extra: str = "", use: str = "") -> Row:
+    """Look for a package: one that is needed, or of an extra and of use for more."""
     from sim.tables.versions import version
 
     found = version(package)
     if found if module in DATA else is_there(module):
         return Row(package, "ok", found or "installed")
+    if not extra:
+        return Row(package, "wrong", "not installed", f"pip install {package}")
     remedy = f"for {use}: pip install 'odm-planner[{extra}]'"
     return Row(package, "missing", "not installed", remedy)
 

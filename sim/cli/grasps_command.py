@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.run.folders import GRASPS, check_grasp_folder
+from sim.run.folders import GRASPS, check_kind_of
 from sim.terminal.checks import FOLDER, MOST_SEED, PICTURE, Limits
 from sim.terminal.flags import Json, Threads, argument, flag, from_request
 from sim.terminal.output import bytes_text, report
@@ -59,7 +59,7 @@ def grasps_build(request: GraspsRequest) -> None:
 
     name = f"{Path(request.object).stem}-{hand_spec(request.hand).name}"
     target = request.out or GRASPS / name
-    check_grasp_folder(target)
+    check_kind_of(target, "grasp set")
     names = ("samples", "rolls", "friction", "seed")
     settings = GraspSettings(**{name: getattr(request, name) for name in names})
     thing = load_object(request.object, request.mass, request.scale)

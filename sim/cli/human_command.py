@@ -115,13 +115,12 @@ def _segments(human: "Human") -> list[dict]:
 
     lengths, sizes = human.skeleton.arms[1], human.sizes
     thigh, shank, ankle, foot = human.skeleton.legs
-    trunk = body.PELVIS_TO_HIP + body.PELVIS_TO_TRUNK + body.TRUNK_TO_NECK
     rows = [
         ("upper arm", lengths[0], "upper arm", sizes.upper_arm),
         ("forearm", lengths[1], "forearm", sizes.forearm),
         ("wrist to grip", lengths[2], None, None),
         ("hand", human.skeleton.hands[1], "hand", sizes.hand),
-        ("hip to neck", human.height * trunk, None, sizes.torso),
+        ("hip to neck", human.height * body.TRUNK, None, sizes.torso),
         ("neck to crown", sizes.crown, None, sizes.head),
         ("thigh", thigh, None, sizes.thigh),
         ("shank", shank, None, sizes.shank),

@@ -203,9 +203,8 @@ def _settings(robot: "Robot", request: MeetRequest) -> "MeetSettings":
 
 def _show_meet(facts: dict) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    from sim.tables.fitted import Fitted
+    from sim.tables.fitted import numbers_of
 
     console = Console(highlight=False)
     person = facts["human"]
@@ -221,12 +220,7 @@ def _show_meet(facts: dict) -> None:
         console.print(_counted(row), soft_wrap=True)
         if not row["best"]:
             continue
-        table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
-        for head in _HEADS:
-            table.add_column(head, justify="right", no_wrap=True)
-        for target in row["best"]:
-            table.add_row(*_target_row(target))
-        console.print(Fitted(table))
+        console.print(numbers_of("", _HEADS, map(_target_row, row["best"])))
         console.print(_EXPLAINED)
     if "plot" in facts:
         console.print(f"plot: {facts['plot']}", soft_wrap=True)

@@ -16,10 +16,10 @@ from sim.terminal.flags import (
     argument,
     flag,
     from_request,
-    given,
+    of_panels,
     refuse_beside,
 )
-from sim.terminal.output import report, show_json, write_text
+from sim.terminal.output import report, write_text
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -115,19 +115,20 @@ def replay(request: ReplayRequest) -> None:
     path = request.frames or request.file
     if request.file is not None and path.suffix.lower() == ".json":
         what = f"a recording, but {path} is a hand-over plan"
-        _refuse(given(request, _RUN) + given(request, _FRAMES), what)
-        refuse_beside(request, ("map_dir", "reach"), what)
+        names = [*of_panels(request, _RUN, _FRAMES), "map_dir", "reach"]
+        refuse_beside(request, names, what)
         _play_plan(path, request)
         return
-    _refuse(given(request, _PLAN), f"a hand-over plan, which {path} is not")
+    what = f"a hand-over plan, which {path} is not"
+    refuse_beside(request, of_panels(request, _PLAN), what)
     _check_archive(path)
     if is_record(path):
         what = f"recorded obstacle frames, but {path} is a recorded run"
-        _refuse(given(request, _FRAMES), what)
+        refuse_beside(request, of_panels(request, _FRAMES), what)
         _replay(path, request)
         return
-    _refuse(given(request, _RUN), f"a recorded run, which {path} is not")
-    refuse_beside(request, ("reach",), f"a recorded run, which {path} is not")
+    what = f"a recorded run, which {path} is not"
+    refuse_beside(request, [*of_panels(request, _RUN), "reach"], what)
     if request.map_dir is None:
         raise Refused(
             f"{path} holds recorded obstacle frames, which need a map: add --map MAP"
@@ -153,13 +154,6 @@ def _check_archive(path: Path) -> None:
         )
 
 
-def _refuse(flags: list[str], what: str) -> None:
-    from roadmap.errors import BadInput
-
-    if flags:
-        raise BadInput(f"{flags[0]} goes with {what}; leave it out")
-
-
 def _play_plan(path: Path, request: ReplayRequest) -> None:
     """Tell what a hand-over plan does, and draw it."""
     from sim.run.played_plan import read_played, show_played
@@ -171,12 +165,7 @@ def _play_plan(path: Path, request: ReplayRequest) -> None:
 
         film = write_handover_film(played, played.record, request.animation)
         facts["animation"] = str(film)
-    if request.json is not None:
-        show_json(facts, request.json)
-    if request.json != "-":
-        show_played(played)
-        if request.animation is not None:
-            print(f"animation in {request.animation}")
+    report(facts, request.json, show_played)
 
 
 def _play(path: Path, request: ReplayRequest) -> None:

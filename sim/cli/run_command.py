@@ -12,6 +12,7 @@ import typer
 from sim.cli.build_command import built_map
 from sim.run.request import RunRequest
 from sim.story.request import MAINTENANCE, PANDA, WORK, DemoRequest
+from sim.terminal.checks import is_there
 from sim.terminal.flags import from_request
 from sim.terminal.output import show_json
 from sim.terminal.progress import Bars, now_compiling
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from odm import Recipe
 
 DEMO = "demo"  # recipe, and the folder of its map
+PANDA_DATA = "pybullet_data"  # the package that brings the Panda
 STORY = "story"  # what a hand-over compiles, in the tables of `sim.terminal`
 
 
@@ -56,31 +58,31 @@ def demo(request: DemoRequest) -> None:
     from them and puts it down); `odm demo maintenance` gives three tools in turn to a
     person on a ladder, and takes each back; see docs/story.md.
     """
-    if request.story != WORK and (_own_robot(request) or _brings_panda()):
+    if request.story != WORK and (_own_robot(request) or is_there(PANDA_DATA)):
         _hand_over(request)
         return
     quiet = request.json == "-"
     with redirect_stdout(sys.stderr if quiet else sys.stdout):
-        files = _work(request)
+        figures = _work(request)
     if request.json is not None:
-        text = files["figures"].read_text(encoding="utf-8")
-        show_json(json.loads(text), request.json)
+        show_json(json.loads(figures.read_text(encoding="utf-8")), request.json)
 
 
-def _work(request: DemoRequest) -> dict[str, Path]:
-    """Show a robot at work; return the files with film, plot and figures."""
+def _work(request: DemoRequest) -> Path:
+    """Show a robot at work: a run with film and plot; return the file of figures."""
     if request.story != WORK:
         print(
             "pybullet, which brings the Panda and its fingers, is not installed: the "
             "demo shows a robot at work instead of a hand-over; --map MAP names a map "
             "of your own"
         )
-    from sim.run.demo import run_demo
-    from sim.run.places import DEMO as SETTINGS
+    from sim.run import runner
 
     folder = built_map(demo_recipe(), request.threads)
-    settings = replace(SETTINGS, duration_s=request.lasts(), seed=request.seed)
-    return run_demo(folder, request.out, settings=settings)
+    given = {"seconds": request.lasts(), "seed": request.seed, "out": request.out}
+    asked = RunRequest(folder, **given)
+    runner.run(asked)
+    return asked.picture(None, ".json")
 
 
 def _hand_over(request: DemoRequest) -> None:
@@ -133,13 +135,6 @@ def _own_robot(request: DemoRequest) -> bool:
     return request.map_dir is not None or request.robot not in (None, PANDA)
 
 
-def _brings_panda() -> bool:
-    """Return whether the package that brings the Panda is installed."""
-    from importlib import util
-
-    return util.find_spec("pybullet_data") is not None
-
-
 def demo_recipe() -> "Recipe":
     """Return the demo's recipe; with a plain arm where pybullet is absent."""
     from importlib import resources
@@ -147,7 +142,7 @@ def demo_recipe() -> "Recipe":
     from odm import load_recipe
 
     recipe = load_recipe(DEMO)
-    if _brings_panda():
+    if is_there(PANDA_DATA):
         return recipe
     print(
         "pybullet, which brings the Panda, is not installed (wheels for Python 3.11 "

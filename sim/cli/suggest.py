@@ -26,9 +26,9 @@ from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
 from roadmap.graph.sampling import draw
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot
-from sim.tables.fitted import Fitted
+from sim.tables.fitted import numbers_of
 from sim.tables.scale import NEAR, choice, gain_of
-from sim.terminal.output import bytes_text, show_json
+from sim.terminal.output import bytes_text, report
 from sim.terminal.progress import Bars
 
 NODES = (3_000, 10_000, 30_000)
@@ -87,20 +87,17 @@ def suggest_sizes(recipe: Recipe, threads: int, json: str | None) -> None:
     with Bars() as tell:
         rows, robot_s = suggestions(recipe, threads, tell)
     best = choice(rows, free_memory())
-    if json is not None:
-        data = {
-            "recipe": recipe.as_dict(),
-            "robot_seconds": robot_s,
-            "rows": [
-                asdict(row) | {"on_the_panda": asdict(gain_of(row.nodes, row.h))}
-                for row in rows
-            ],
-            "free_memory": free_memory(),
-            "choice": None if best is None else asdict(best),
-        }
-        show_json(data, json)
-    if json != "-":
-        _show(rows, recipe, best)
+    data = {
+        "recipe": recipe.as_dict(),
+        "robot_seconds": robot_s,
+        "rows": [
+            asdict(row) | {"on_the_panda": asdict(gain_of(row.nodes, row.h))}
+            for row in rows
+        ],
+        "free_memory": free_memory(),
+        "choice": None if best is None else asdict(best),
+    }
+    report(data, json, lambda _: _show(rows, recipe, best))
 
 
 def suggestions(
@@ -260,16 +257,14 @@ def _head(roadmap: Roadmap) -> Roadmap:
 
 def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> None:
     from rich.console import Console
-    from rich.table import Table
 
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
-    table.title_style, table.pad_edge = "bold", False
     heads = ("cell", "nodes", "edges", "per\nedge", "map", "build")
-    for head in (*heads, "overhead", "overhead,\nclose", "crossing", "clutter"):
-        table.add_column(head, justify="right", no_wrap=True)
+    heads += ("overhead", "overhead,\nclose", "crossing", "clutter")
+    cells = []
     for row in rows:
-        table.add_row(
+        gain = gain_of(row.nodes, row.h)
+        told = (
             f"{100 * row.h:g} cm",
             f"{row.nodes:,}",
             f"{row.edges:,}",
@@ -278,12 +273,12 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
             f"{row.seconds:.0f} s",
             f"{100 * row.overhead_cells:.1f} cm",
             f"{100 * row.overhead_close:.1f} cm",
-            f"{(gain := gain_of(row.nodes, row.h)).crossing:.0f} %",
+            f"{gain.crossing:.0f} %",
             f"{gain.clutter:.0f} %",
-            style="bold" if row is best else "",
         )
+        cells.append([f"[bold]{cell}[/]" for cell in told] if row is best else told)
     console = Console(highlight=False)
-    console.print(Fitted(table))
+    console.print(numbers_of(title, heads, cells))
     console.print(
         "Overhead: how much farther than the clearance m an arm is when an edge is "
         "given up, on average; close: by the close test, which asks points where cells "

@@ -9,7 +9,7 @@ import typer
 
 from sim.terminal.checks import FILM, PICTURE, PICTURES, PLACE, RATE, SECONDS, TURN
 from sim.terminal.flags import Json, flag, from_request
-from sim.terminal.output import show_json
+from sim.terminal.output import report, show_json
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
@@ -79,12 +79,7 @@ def run_two(request: TwoRequest) -> None:
     figures |= {"map_hashes": [m.hash for m in maps]}
     with Bars("pictures") as tell:
         written = _write(result, maps, figures, request, tell)
-    if request.json is not None:
-        show_json(figures, request.json)
-    if request.json != "-":
-        show(figures, maps)
-        for path in written:
-            print(path)
+    report(figures, request.json, lambda _: show(figures, maps, written))
     if result.contacts:
         raise typer.Exit(1)
 
@@ -146,8 +141,8 @@ def _write(
     return written
 
 
-def show(figures: dict, maps: tuple) -> None:
-    """Print the figures as tables."""
+def show(figures: dict, maps: tuple, written: list[Path]) -> None:
+    """Print the figures as tables, and which files were written."""
     from rich.console import Console
 
     from sim.run.report import setting_line
@@ -179,6 +174,8 @@ def show(figures: dict, maps: tuple) -> None:
             seconds = frames / figures["rate_hz"]
             console.print(f"held {seconds:.1f} s, robot {k + 1}: {reason}")
     console.print(setting_line(figures["map_hashes"][0]), highlight=False)
+    for path in written:
+        print(path)
 
 
 _SHOWN = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sim.run.crew import Place, crew
-from sim.run.folders import REACH_MAPS, check_reach_folder
+from sim.run.folders import REACH_MAPS, check_kind_of
 from sim.terminal.checks import (
     FOLDER,
     MOST_SEED,
@@ -102,7 +102,7 @@ def build_reach(request: ReachRequest) -> None:
     from handover import ReachSettings, build_reach_map, load_reach_map
 
     target = request.out or REACH_MAPS / Path(request.source).stem
-    check_reach_folder(target)
+    check_kind_of(target, "reach map")
     names = ("cell", "rotations", "samples", "seconds", "seed")
     chosen = {name: getattr(request, name) for name in names}
     settings = ReachSettings(**{k: v for k, v in chosen.items() if v is not None})

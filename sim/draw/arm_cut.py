@@ -6,22 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from handover import Human
-from handover.meet.places import PlaceQualities, qualities_at
+from handover.meet.places import qualities_at
+from sim.draw import style
 from sim.draw.silhouette import Silhouette
-from sim.draw.style import (
-    AXES,
-    BODY,
-    BODY_EDGE,
-    INK,
-    VIEWS,
-    colour_bar,
-    draw_cut,
-    draw_floor,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-)
 from sim.terminal.progress import Bars
 
 FIELDS = {
@@ -58,7 +45,7 @@ class Cut:
         values = self.fields[field]
         j, i = np.unravel_index(np.nanargmax(values), values.shape)
         place = np.empty(3)
-        across, up = VIEWS[self.normal][0]
+        across, up = style.VIEWS[self.normal][0]
         place[[self.normal, across, up]] = self.at, self.x[i], self.y[j]
         return float(values[j, i]), place
 
@@ -79,7 +66,7 @@ def arm_cut(
     """
     shoulder = human.T_world_shoulder(side)[:3, 3]
     reach = human.arm(side).length
-    across, up = VIEWS[normal][0]
+    across, up = style.VIEWS[normal][0]
     x, y = (_places(shoulder[k], reach, spacing) for k in (across, up))
     points = np.empty((len(y), len(x), 3))
     points[..., normal] = at
@@ -87,7 +74,10 @@ def arm_cut(
     flat = points.reshape(-1, 3)
     near = (np.linalg.norm(flat - shoulder, axis=1) <= reach) & (flat[:, 2] > 0.0)
     found = qualities_at(human, side, flat[near], rotations=rotations, progress=tell)
-    fields = {name: _filled(found, name, near, len(y)) for name in found.best}
+    fields = {}
+    for name, best in found.best.items():
+        fields[name] = np.full((len(y), len(x)), np.nan)
+        fields[name].ravel()[near] = best
     return Cut(normal, float(at), x, y, fields)
 
 
@@ -97,8 +87,8 @@ def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> P
     limits = [_limits(cut, body) for cut in cuts]
     wide = min(x[0] for x, _ in limits), max(x[1] for x, _ in limits)
     tall = [(y[1] - y[0]) / (wide[1] - wide[0]) for _, y in limits]
-    where = " and ".join(f"{AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
-    figure = new_figure(
+    where = " and ".join(f"{style.AXES[cut.normal]} = {cut.at:.2f} m" for cut in cuts)
+    figure = style.new_figure(
         12.0,
         1.7 + 3.6 * sum(tall),
         f"The {side} hand of a person of {human.height:.2f} m, {human.posture}: the "
@@ -115,31 +105,31 @@ def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> P
             _mark_shoulder(axis, human, side, cut.normal)
             if column:
                 axis.set_ylabel("")
-        set_title(axes[0][column], words)
-        colour_bar(figure, image, ax=axes[:, column])
-    return save(figure, path)
+        style.set_title(axes[0][column], words)
+        style.colour_bar(figure, image, ax=axes[:, column])
+    return style.save(figure, path)
 
 
 def _draw(axis: object, cut: Cut, name: str, top: float, body: Silhouette):
-    plane, view = VIEWS[cut.normal]
+    plane, view = style.VIEWS[cut.normal]
     cell = cut.x[1] - cut.x[0]
     corner = cut.x[0] - 0.5 * cell, cut.y[0] - 0.5 * cell
-    image = draw_cut(axis, corner, cell, cut.fields[name], (0.0, top), zorder=2)
-    body.draw(axis, plane, BODY, BODY_EDGE, alpha=0.75, linewidths=1.0)
+    image = style.draw_cut(axis, corner, cell, cut.fields[name], (0.0, top), zorder=2)
+    body.draw(axis, plane, style.BODY, style.BODY_EDGE, alpha=0.75, linewidths=1.0)
     if plane[1] == 2:
-        draw_floor(axis)
-    space_axes(axis, cut.normal, view=f"{view}: ")
+        style.draw_floor(axis)
+    style.space_axes(axis, cut.normal, view=f"{view}: ")
     return image
 
 
 def _mark_shoulder(axis: object, human: Human, side: str, normal: int) -> None:
-    plane = list(VIEWS[normal][0])
+    plane = list(style.VIEWS[normal][0])
     at = human.T_world_shoulder(side)[plane, 3]
-    axis.plot(*at, "+", color=INK, ms=8, zorder=5)
+    axis.plot(*at, "+", color=style.INK, ms=8, zorder=5)
 
 
 def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:
-    seen = body.points()[:, list(VIEWS[cut.normal][0])]
+    seen = body.points()[:, list(style.VIEWS[cut.normal][0])]
     shown = np.isfinite(cut.fields["combined"])
     limits = []
     for axis, (places, other) in enumerate(((cut.x, 0), (cut.y, 1))):
@@ -152,11 +142,3 @@ def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:
 def _places(middle: float, reach: float, spacing: float) -> np.ndarray:
     n = int(np.ceil(reach / spacing))
     return middle + spacing * np.arange(-n, n + 1)
-
-
-def _filled(
-    found: PlaceQualities, name: str, near: np.ndarray, rows: int
-) -> np.ndarray:
-    whole = np.full(len(near), np.nan)
-    whole[near] = found.best[name]
-    return whole.reshape(rows, -1)

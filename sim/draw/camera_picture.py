@@ -7,21 +7,8 @@ import numpy as np
 
 from odm.cameras.space import CELL_NAMES
 from roadmap.kinematics.forward import sphere_centers
+from sim.draw import style
 from sim.draw.silhouette import balls_silhouette
-from sim.draw.style import (
-    AXES,
-    LINE,
-    RED,
-    TEAL,
-    VIEWS,
-    colour_bar,
-    draw_cut,
-    legend,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-)
 
 if TYPE_CHECKING:
     from odm import SeenSpace
@@ -30,7 +17,7 @@ OCCUPIED = CELL_NAMES.index("occupied")
 COLOURS = {
     "free": "#bfe3cf",
     "shadow": "#b9c0c8",
-    "occupied": RED,
+    "occupied": style.RED,
     "remembered": "#e0a14a",
     "unknown": "#d9cbe6",
 }
@@ -43,7 +30,7 @@ def plot_cells(
 
     `image` is of the first camera of `space` in the last frame.
     """
-    figure = new_figure(14.5, 4.9)
+    figure = style.new_figure(14.5, 4.9)
     figure.get_layout_engine().set(h_pad=0.15)
     axes = figure.subplots(1, 3, gridspec_kw={"width_ratios": [1.3, 1, 1]})
     _draw_image(figure, axes[0], space.cameras[0], image)
@@ -51,7 +38,7 @@ def plot_cells(
     _draw_slice(axes[1], space, cells, q, 1)
     _draw_slice(axes[2], space, cells, q, 2)
     _legend(figure, cells)
-    return save(figure, path, dpi=110)
+    return style.save(figure, path, dpi=110)
 
 
 def _draw_image(
@@ -63,10 +50,10 @@ def _draw_image(
     shown = axis.imshow(depth, cmap="viridis_r", vmin=low, vmax=high)
     axis.set_xticks([])
     axis.set_yticks([])
-    axis.spines[:].set_color(LINE)
+    axis.spines[:].set_color(style.LINE)
     label = "depth [m]; no reading where blank"
-    colour_bar(figure, shown, label, ax=axis, shrink=0.7)
-    set_title(axis, f"{camera.name}, {camera.width} x {camera.height}")
+    style.colour_bar(figure, shown, label, ax=axis, shrink=0.7)
+    style.set_title(axis, f"{camera.name}, {camera.width} x {camera.height}")
 
 
 def _draw_slice(
@@ -75,20 +62,20 @@ def _draw_slice(
     """Draw the layer of cells with the most occupied ones, looking along an axis."""
     from matplotlib.colors import to_rgba
 
-    grid, (plane, view) = space.cell_map.grid, VIEWS[normal]
+    grid, (plane, view) = space.cell_map.grid, style.VIEWS[normal]
     layer = int((cells == OCCUPIED).sum(axis=plane).argmax())
     codes = np.take(cells, layer, axis=normal).T
     colours = np.ones((len(CELL_NAMES), 4))
     for name, colour in COLOURS.items():
         colours[CELL_NAMES.index(name)] = to_rgba(colour)
-    draw_cut(axis, grid.origin[list(plane)], grid.h, colours[codes], zorder=0)
+    style.draw_cut(axis, grid.origin[list(plane)], grid.h, colours[codes], zorder=0)
     radii = space.robot.spheres[:, 3]
     balls_silhouette(sphere_centers(space.robot, q), radii).draw(axis, plane)
     _draw_camera(axis, space.cameras[0], *plane)
-    space_axes(axis, normal)
+    style.space_axes(axis, normal)
     _frame(axis, space, codes, plane)
     at = grid.origin[normal] + grid.h * (layer + 0.5)
-    set_title(axis, f"{view}: the cells at {AXES[normal]} = {at:.2f} m")
+    style.set_title(axis, f"{view}: the cells at {style.AXES[normal]} = {at:.2f} m")
 
 
 def _draw_camera(axis: object, camera: object, u: int, v: int) -> None:
@@ -104,11 +91,13 @@ def _draw_camera(axis: object, camera: object, u: int, v: int) -> None:
     ends = eye + np.column_stack([slopes, np.ones(4)]) @ T[:3, :3].T
     corners = np.vstack([eye, ends])[:, [u, v]]
     outline = corners[ConvexHull(corners).vertices]
-    axis.add_patch(Polygon(outline, fill=False, edgecolor=TEAL, alpha=0.5, lw=0.7))
-    axis.plot(eye[u], eye[v], "o", color=TEAL, ms=5)
+    axis.add_patch(
+        Polygon(outline, fill=False, edgecolor=style.TEAL, alpha=0.5, lw=0.7)
+    )
+    axis.plot(eye[u], eye[v], "o", color=style.TEAL, ms=5)
     axis.annotate(
-        "camera", (eye[u], eye[v]), (-6, 5), textcoords="offset points", color=TEAL,
-        size=9, ha="right",
+        "camera", (eye[u], eye[v]), (-6, 5), textcoords="offset points", size=9,
+        color=style.TEAL, ha="right",
     )  # fmt: skip
 
 
@@ -131,6 +120,6 @@ def _legend(figure: object, cells: np.ndarray) -> None:
 
     present = [n for n in COLOURS if (cells == CELL_NAMES.index(n)).any()]
     handles = [Patch(color=COLOURS[n], label=n) for n in present]
-    handles.append(Patch(facecolor="white", edgecolor=LINE, label="not seen"))
+    handles.append(Patch(facecolor="white", edgecolor=style.LINE, label="not seen"))
     columns = {"loc": "outside lower right", "ncols": len(handles)}
-    legend(figure, handles=handles, **columns)
+    style.legend(figure, handles=handles, **columns)

@@ -2,11 +2,15 @@
 
 import numpy as np
 
+from odm import CellMap
+from roadmap.errors import BadRobot
 from roadmap.kinematics.forward import sphere_centers
+from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
 from sim.draw.style import FURNITURE, LOAD, person_colours
 from sim.draw.surroundings import balls_of
 from sim.draw.viewpoint import Camera
+from sim.draw.world import SimulatorMissing, World
 
 LINKS = (0.90, 0.90, 0.91), (0.78, 0.80, 0.83)
 LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
@@ -87,3 +91,21 @@ def _draw_ball(colour: np.ndarray, depth: np.ndarray, disc: tuple, ball: np.ndar
     paint = np.minimum(255 * ball[4:7] * shade[..., None], 255).astype(np.uint8)
     colour[window][seen] = paint[seen]
     depth[window][seen] = (far - ball[3] * z)[seen]
+
+
+def open_world(
+    cell_map: CellMap, held: np.ndarray | None = None
+) -> tuple[World | CoverWorld, str]:
+    """Return pybullet's world, or the plain one and a sentence that says why, else "".
+
+    `held` (n, 4) are spheres in the robot's hand, tool frame [m].
+    """
+    robot, asked = cell_map.robot, cell_map.recipe.robot
+    try:
+        world = World(asked.source, robot, asked.locked)
+        if held is not None:
+            world.carry(held)
+        return world, ""
+    except (SimulatorMissing, BadRobot) as error:
+        whole = robot if held is None else with_payload(robot, held)
+        return CoverWorld(whole), f"drawn from the sphere cover: {error}"

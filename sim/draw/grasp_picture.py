@@ -6,16 +6,7 @@ import numpy as np
 
 from handover import GraspSet, load_hand
 from roadmap.transforms import moved_points, pose_of_flat
-from sim.draw.style import (
-    AMBER,
-    FAINT,
-    INK,
-    QUALITY,
-    TEAL,
-    colour_bar,
-    new_figure,
-    save,
-)
+from sim.draw import style
 from sim.draw.surroundings import show_box
 
 _SHOWN = 5  # closed hands
@@ -25,7 +16,7 @@ _SECTIONS = 12  # facets of a round link
 
 def write_grasp_plot(grasps: GraspSet, path: str | Path) -> Path:
     """Draw where the palms are, by quality, and five closed hands: a PNG."""
-    figure = new_figure(
+    figure = style.new_figure(
         13.0,
         8.6,
         f"{grasps.thing.name} by {grasps.hand}: {len(grasps)} grasps; contacts amber",
@@ -38,7 +29,7 @@ def write_grasp_plot(grasps: GraspSet, path: str | Path) -> Path:
     for panel, row in enumerate(ranked[places], 2):
         axis = figure.add_subplot(2, 3, panel, projection="3d")
         _draw_grasp(axis, grasps, int(row), triangles)
-    return save(figure, path, dpi=110)
+    return style.save(figure, path, dpi=110)
 
 
 def hand_triangles(grasps: GraspSet, row: int) -> np.ndarray:
@@ -74,16 +65,16 @@ def _draw_palms(
     from matplotlib.cm import ScalarMappable
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    _draw_solid(axis, triangles, FAINT, 0.25)
+    _draw_solid(axis, triangles, style.FAINT, 0.25)
     T = grasps.T_object_palm
     lines = np.stack([T[:, :3, 3] - _ARROW * T[:, :3, 2], T[:, :3, 3]], axis=1)
     top = float(grasps.quality.max())
-    colours = colormaps[QUALITY](grasps.quality / top)
+    colours = colormaps[style.QUALITY](grasps.quality / top)
     axis.add_collection3d(Line3DCollection(lines, colors=colours, linewidths=0.8))
-    image = ScalarMappable(cmap=QUALITY)
+    image = ScalarMappable(cmap=style.QUALITY)
     image.set_clim(0.0, top)
-    colour_bar(figure, image, "quality", ax=axis)
-    axis.set_title("palms, along their approach", color=INK, size=10)
+    style.colour_bar(figure, image, "quality", ax=axis)
+    axis.set_title("palms, along their approach", color=style.INK, size=10)
     _frame(axis, np.concatenate([triangles.reshape(-1, 3), lines.reshape(-1, 3)]))
 
 
@@ -91,12 +82,14 @@ def _draw_grasp(
     axis: object, grasps: GraspSet, row: int, triangles: np.ndarray
 ) -> None:
     hand = hand_triangles(grasps, row)
-    _draw_solid(axis, triangles, FAINT, 0.5)
-    _draw_solid(axis, hand, TEAL, 0.35)
+    _draw_solid(axis, triangles, style.FAINT, 0.5)
+    _draw_solid(axis, hand, style.TEAL, 0.35)
     span = slice(*grasps.contact_ptr[row : row + 2])
-    axis.scatter(*grasps.contact_point[span].T, color=AMBER, s=14, depthshade=False)
+    axis.scatter(
+        *grasps.contact_point[span].T, color=style.AMBER, s=14, depthshade=False
+    )
     axis.set_title(
-        f"grasp {row}: quality {grasps.quality[row]:.3f}", color=INK, size=10
+        f"grasp {row}: quality {grasps.quality[row]:.3f}", color=style.INK, size=10
     )
     _frame(axis, np.concatenate([triangles, hand]).reshape(-1, 3))
 

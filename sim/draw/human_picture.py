@@ -9,27 +9,11 @@ from handover import POSTURES, Human, Part
 from handover.human.anthropometry import ARM_JOINTS
 from roadmap.errors import BadInput
 from roadmap.transforms import moved_points
-from sim.draw.style import (
-    AMBER,
-    BLUE,
-    FAINT,
-    INK,
-    LINE,
-    RED,
-    TEAL,
-    VIEWS,
-    draw_floor,
-    legend,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-    tidy,
-)
+from sim.draw import style
 from sim.people.grips import grip_points
 from sim.people.mocap.mocap_motion import MocapMotion
 
-_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: FAINT}
+_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: style.FAINT}
 BIN = 0.025  # side of a square of the cut [m]
 _SLAB = 0.03  # [m] half the thickness of a cut
 WORK_PLACE = ((0.3, 0.7), (-0.4, 0.4), (0.1, 0.7))  # x, y, z before an arm [m]
@@ -38,7 +22,7 @@ _BEFORE = 0.30  # [m] the cut from the front lies this far before the shoulder
 
 def write_human_picture(human: Human, path: str | Path) -> Path:
     """Draw the capsules, cuts through the right hand's reach, ranges: a PNG."""
-    figure = new_figure(
+    figure = style.new_figure(
         13.0,
         6.4,
         f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
@@ -51,18 +35,18 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
     points = moved_points(grip_points(human, 600_000), shoulder)
     points = points[points[:, 2] > 0.0]  # nobody reaches into the floor
     _draw_view(side, human, points, 1, shoulder[1, 3])
-    set_title(side, "from the right")
+    style.set_title(side, "from the right")
     before = shoulder[0, 3] + _BEFORE * shoulder[0, 0]
     _draw_view(front, human, points, 0, before)
-    set_title(front, "from the front")
+    style.set_title(front, "from the front")
     _draw_ranges(ranges, human)
-    return save(figure, path, dpi=110)
+    return style.save(figure, path, dpi=110)
 
 
 def _draw_view(
     axis: object, human: Human, points: np.ndarray, along: int, cut: float
 ) -> None:
-    i, j = plane = VIEWS[along][0]
+    i, j = plane = style.VIEWS[along][0]
     rods = human.capsules()
     near = np.abs(points[:, along] - cut) < _SLAB
     _draw_reach(axis, points[near][:, [i, j]])
@@ -76,17 +60,17 @@ def _draw_view(
     if human.gaze is not None:
         eyes = human.p_world_eyes
         ends = np.array([eyes, eyes + 0.3 * human.gaze])[:, [i, j]]
-        arrow = {"arrowstyle": "->", "color": INK}
+        arrow = {"arrowstyle": "->", "color": style.INK}
         axis.annotate("", ends[1], ends[0], arrowprops=arrow)
     _draw_steps(axis, human, i)
-    draw_floor(axis)
+    style.draw_floor(axis)
     ends, radii = rods[:, :6].reshape(-1, 3), np.repeat(rods[:, 6:], 2, axis=0)
     all_points = [ends - radii, ends + radii, points[near]]
     low = np.min([p.min(axis=0) for p in all_points], axis=0) - 0.08
     high = np.max([p.max(axis=0) for p in all_points], axis=0) + 0.08
     # from the front, the person's left is on our right
     axis.set(xlim=(low[i], high[i]), ylim=(min(low[j], -0.05), high[j]))
-    space_axes(axis, along, view="height ")
+    style.space_axes(axis, along, view="height ")
 
 
 def _draw_reach(axis: object, points: np.ndarray) -> None:
@@ -101,8 +85,8 @@ def _draw_reach(axis: object, points: np.ndarray) -> None:
     filled = binary_closing(filled, iterations=3)
     x, y = ((low[k] + 0.5 + np.arange(filled.shape[k])) * BIN for k in (0, 1))
     cut = gaussian_filter(filled.T.astype(float), 0.8)
-    axis.contourf(x, y, cut, levels=[0.5, 1.5], colors=[TEAL], alpha=0.16)
-    axis.contour(x, y, cut, levels=[0.5], colors=[TEAL], linewidths=0.9)
+    axis.contourf(x, y, cut, levels=[0.5, 1.5], colors=[style.TEAL], alpha=0.16)
+    axis.contour(x, y, cut, levels=[0.5], colors=[style.TEAL], linewidths=0.9)
 
 
 def _draw_steps(axis: object, human: Human, i: int) -> None:
@@ -114,38 +98,45 @@ def _draw_steps(axis: object, human: Human, i: int) -> None:
         foot = rods[human.labels == leg][2]
         low, high = sorted((foot[i], foot[3 + i]))
         z = min(foot[2], foot[5]) - foot[6]
-        axis.plot((low - 0.12, high + 0.12), (z, z), color=INK, lw=2.0)
+        axis.plot((low - 0.12, high + 0.12), (z, z), color=style.INK, lw=2.0)
 
 
 def _draw_ranges(axis: object, human: Human) -> None:
     arm = human.arm("right")
     lower, upper = np.degrees(arm.ranges).T
     rows = np.arange(len(ARM_JOINTS))
-    axis.barh(rows, upper - lower, left=lower, height=0.5, color=LINE)
-    style = {"ls": "", "ms": 9, "mec": "white"}
-    for name, colour, shift in (("left", BLUE, -0.12), ("right", AMBER, 0.12)):
+    axis.barh(rows, upper - lower, left=lower, height=0.5, color=style.LINE)
+    look = {"ls": "", "ms": 9, "mec": "white"}
+    for name, colour, shift in (
+        ("left", style.BLUE, -0.12),
+        ("right", style.AMBER, 0.12),
+    ):
         now = np.degrees(human.arms[name])
-        axis.plot(now, rows + shift, "o", color=colour, label=f"{name} now", **style)
+        axis.plot(now, rows + shift, "o", color=colour, label=f"{name} now", **look)
     for row, low, high in zip(rows, lower, upper, strict=True):
-        text = {"color": FAINT, "size": 8.5, "va": "center"}
+        text = {"color": style.FAINT, "size": 8.5, "va": "center"}
         axis.text(low - 5, row, f"{low:.0f}", ha="right", **text)
         axis.text(high + 5, row, f"{high:.0f}", ha="left", **text)
-        axis.text(-95, row - 0.38, ARM_JOINTS[row], color=INK, size=9.5, ha="left")
-    axis.axvline(0, color=FAINT, lw=0.7, zorder=0)
+        axis.text(
+            -95, row - 0.38, ARM_JOINTS[row], color=style.INK, size=9.5, ha="left"
+        )
+    axis.axvline(0, color=style.FAINT, lw=0.7, zorder=0)
     axis.set(yticks=[], xlim=(-125, 215), ylim=(len(rows) + 0.1, -0.8))
     axis.set_xlabel("joint angle [deg]")
-    legend(axis, loc="lower right", ncols=2)
-    set_title(axis, "ranges of motion of an arm")
-    tidy(axis)
+    style.legend(axis, loc="lower right", ncols=2)
+    style.set_title(axis, "ranges of motion of an arm")
+    style.tidy(axis)
     axis.spines["left"].set_visible(False)
 
 
 def part_colour(part: Part) -> str:
     """Return the colour of a part of the body in our pictures."""
-    return _COLOURS.get(part, BLUE if part.name.startswith("LEFT") else AMBER)
+    return _COLOURS.get(
+        part, style.BLUE if part.name.startswith("LEFT") else style.AMBER
+    )
 
 
-def outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
+def outline(capsule: np.ndarray, plane: tuple, **look: object) -> object:
     """Return a capsule seen along the third axis: two half circles and their sides."""
     from matplotlib.patches import Polygon
 
@@ -154,7 +145,7 @@ def outline(capsule: np.ndarray, plane: tuple, **style: object) -> object:
     turn = np.linspace(-np.pi / 2, np.pi / 2, 17)
     caps = [b + capsule[6] * _circle(along + turn)]
     caps.append(a + capsule[6] * _circle(along + np.pi + turn))
-    return Polygon(np.concatenate(caps), **style)
+    return Polygon(np.concatenate(caps), **look)
 
 
 def _circle(angles: np.ndarray) -> np.ndarray:
@@ -181,21 +172,21 @@ def write_strip(
     wide, tall, deep = (high - low for low, high in limits)
     scale = 2.4 / max(wide, 1.0)  # inches per metre
     size = (2.6 * len(times) + 0.6, scale * (tall + deep) + 1.4)
-    figure = new_figure(*size, motion.name)
+    figure = style.new_figure(*size, motion.name)
     ratios = {"height_ratios": (deep, tall)}
     axes = figure.subplots(
         2, len(times), sharex=True, sharey="row", squeeze=False, gridspec_kw=ratios
     )
     for row, normal in zip(axes, (1, 2), strict=True):
-        plane, view = VIEWS[normal]
+        plane, view = style.VIEWS[normal]
         for axis, t in zip(row, times, strict=True):
             _draw_moment(axis, motion, t, plane, box)
-            space_axes(axis, normal, view=f"{view}: ")
+            style.space_axes(axis, normal, view=f"{view}: ")
             axis.set(xlim=limits[0], ylim=limits[plane[1]])
             axis.label_outer()
             if normal == 1:
-                set_title(axis, f"{t:.2f} s")
-    return save(figure, path)
+                style.set_title(axis, f"{t:.2f} s")
+    return style.save(figure, path)
 
 
 def _limits(motion: MocapMotion, times: list[float]) -> list[tuple[float, float]]:
@@ -219,8 +210,8 @@ def _draw_moment(
         colour = part_colour(Part(int(motion.labels[k])))
         axis.add_patch(outline(guess[k], plane, fc=colour, ec="white", lw=0.6))
         if known[k, 6] > guess[k, 6] + 1e-6:
-            axis.add_patch(outline(known[k], plane, fc="none", ec=RED, lw=0.9))
+            axis.add_patch(outline(known[k], plane, fc="none", ec=style.RED, lw=0.9))
     corner, sides = (box[i][0], box[j][0]), (np.ptp(box[i]), np.ptp(box[j]))
-    axis.add_patch(Rectangle(corner, *sides, fc="none", ec=INK, ls="--", lw=0.9))
-    axis.add_patch(Circle((0, 0), 0.08, fc=INK, ec="none"))
-    draw_floor(axis)
+    axis.add_patch(Rectangle(corner, *sides, fc="none", ec=style.INK, ls="--", lw=0.9))
+    axis.add_patch(Circle((0, 0), 0.08, fc=style.INK, ec="none"))
+    style.draw_floor(axis)

@@ -7,35 +7,46 @@ import numpy as np
 from handover import ReachMap
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import sphere_centers
+from sim.draw import style
 from sim.draw.silhouette import balls_silhouette
-from sim.draw.style import (
-    AXES,
-    INK,
-    QUALITY,
-    VIEWS,
-    colour_bar,
-    draw_cut,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-)
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
-    """Draw what a map covers, over the robot in the middle of its limits, as a PNG."""
-    robot, grid = cell_map.robot, cell_map.grid
-    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
+    """Draw what a map covers, over the robot in the middle of its limits, as a PNG.
+
+    From three sides: how many nodes a cell takes away, the most along each line of
+    sight.
+    """
+    from matplotlib.colors import LogNorm
+
+    grid, robot = cell_map.grid, cell_map.robot
     counts = node_counts(cell_map)
     swept = [
         np.flatnonzero(counts.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))
     ]
-    first = np.array([cells[0] for cells in swept])
+    origin = grid.origin + grid.h * np.array([cells[0] for cells in swept])
     counts = counts[tuple(np.s_[cells[0] : cells[-1] + 1] for cells in swept)]
-    origin = grid.origin + grid.h * first
-    return write_coverage_plot(
-        counts, origin, grid.h, centers, robot.spheres[:, 3], path
-    )
+    nx, ny, nz = counts.shape
+    widest = max(nx, ny, nz)
+    figure = style.new_figure(13, 4.6)
+    widths = [nx, nx, max(ny, widest / 4), widest / 25]
+    axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
+    norm = LogNorm(1, max(2, int(counts.max())))
+    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
+    outline = balls_silhouette(centers, robot.spheres[:, 3])
+    for axis, normal in zip(axes, (2, 1, 0), strict=False):
+        most = counts.max(axis=normal).T.astype(float)
+        most[most == 0] = np.nan
+        (u, v), view = style.VIEWS[normal]
+        look = {"colours": "YlGnBu", "norm": norm}
+        shown = style.draw_cut(axis, origin[[u, v]], grid.h, most, **look)
+        outline.draw(axis, (u, v))
+        style.space_axes(axis, normal)
+        axis.locator_params(nbins=5)
+        style.set_title(axis, view)
+    label = "nodes a cell takes away, the most along the line of sight"
+    style.colour_bar(figure, shown, label, cax=axes[3])
+    return style.save(figure, path, dpi=110)
 
 
 def node_counts(cell_map: CellMap) -> np.ndarray:
@@ -52,50 +63,6 @@ def node_counts(cell_map: CellMap) -> np.ndarray:
     return np.ascontiguousarray(counts).reshape(4 * np.asarray(blocks))
 
 
-def write_coverage_plot(
-    counts: np.ndarray,
-    origin: np.ndarray,
-    h: float,
-    centers: np.ndarray,
-    radii: np.ndarray,
-    path: str | Path,
-) -> Path:
-    """Draw how many nodes each cell takes away, from three sides, over the robot.
-
-    Args:
-        counts: (nx, ny, nz) nodes that a point in the cell invalidates.
-        origin: (3,) lower corner of the grid [m].
-        h: Cell size [m].
-        centers: (n, 3) centres of the robot's spheres at some q [m].
-        radii: (n,) their radii [m].
-        path: PNG file to write.
-
-    Returns:
-        The path written: the largest count along each line of sight.
-    """
-    from matplotlib.colors import LogNorm
-
-    nx, ny, nz = counts.shape
-    widest = max(nx, ny, nz)
-    figure = new_figure(13, 4.6)
-    widths = [nx, nx, max(ny, widest / 4), widest / 25]
-    axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
-    norm = LogNorm(1, max(2, int(counts.max())))
-    robot = balls_silhouette(centers, radii)
-    for axis, normal in zip(axes, (2, 1, 0), strict=False):
-        most = counts.max(axis=normal).T.astype(float)
-        most[most == 0] = np.nan
-        (u, v), view = VIEWS[normal]
-        shown = draw_cut(axis, origin[[u, v]], h, most, colours="YlGnBu", norm=norm)
-        robot.draw(axis, (u, v))
-        space_axes(axis, normal)
-        axis.locator_params(nbins=5)
-        set_title(axis, view)
-    label = "nodes a cell takes away, the most along the line of sight"
-    colour_bar(figure, shown, label, cax=axes[3])
-    return save(figure, path, dpi=110)
-
-
 def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     """Draw two cuts through a map as a PNG: best quality, and share of rotations.
 
@@ -104,10 +71,10 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     """
     fields = zip(
         ("best quality over all rotations", "rotations reached"),
-        by_position(reach), (QUALITY, "viridis"), strict=True,
+        by_position(reach), (style.QUALITY, "viridis"), strict=True,
     )  # fmt: skip
     chain, grid = reach.chain, reach.grid
-    figure = new_figure(
+    figure = style.new_figure(
         10.5,
         9.0,
         f"{chain.name}: {reach.n_marked:,} cells of {grid.cell:g} {chain.unit} and "
@@ -117,22 +84,22 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     share = by_position(reach)[1]
     for column, (name, values, colours) in enumerate(fields):
         for axis, normal in zip(axes[:, column], (1, 2), strict=True):
-            plane, layer = VIEWS[normal][0], fullest_layer(share, normal)
+            plane, layer = style.VIEWS[normal][0], fullest_layer(share, normal)
             cut = np.take(values, layer, axis=normal).T
             span = 0.0, max(float(cut.max()), 1e-9)
             cut = np.where(cut > 0.0, cut, np.nan)
             corner = grid.origin[list(plane)]
-            image = draw_cut(axis, corner, grid.cell, cut, span, colours)
+            image = style.draw_cut(axis, corner, grid.cell, cut, span, colours)
             axis.plot(0.0, 0.0, "+", color="white", markersize=11, markeredgewidth=3)
-            axis.plot(0.0, 0.0, "+", color=INK, markersize=9)
-            frame = {"textcoords": "offset points", "color": INK, "size": 8}
+            axis.plot(0.0, 0.0, "+", color=style.INK, markersize=9)
+            frame = {"textcoords": "offset points", "color": style.INK, "size": 8}
             frame["bbox"] = {"facecolor": "white", "alpha": 0.8, "lw": 0.0, "pad": 1.5}
             axis.annotate(chain.frame, (0.0, 0.0), (5, 5), **frame)
-            space_axes(axis, normal, chain.unit)
+            style.space_axes(axis, normal, chain.unit)
             at = grid.origin[normal] + (layer + 0.5) * grid.cell
-            set_title(axis, f"{name}, cut at {AXES[normal]} = {at:.2f}")
-            colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
-    return save(figure, path, dpi=110)
+            style.set_title(axis, f"{name}, cut at {style.AXES[normal]} = {at:.2f}")
+            style.colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
+    return style.save(figure, path, dpi=110)
 
 
 def by_position(reach: ReachMap) -> tuple[np.ndarray, np.ndarray]:

@@ -12,28 +12,9 @@ from handover import Human, InteractionWorkspace
 from handover.meet.settings import PARTS
 from roadmap.geometry.gaps import moved_rods
 from roadmap.robot.robot import Robot
+from sim.draw import style
 from sim.draw.meet_cut import Meeting, fine_workspace, layer_at, quality_by_position
 from sim.draw.silhouette import Silhouette, robot_silhouette
-from sim.draw.style import (
-    AXES,
-    BODY,
-    BODY_EDGE,
-    INK,
-    LINE,
-    PALE,
-    RED,
-    ROBOT,
-    ROBOT_EDGE,
-    TEAL,
-    VIEWS,
-    colour_bar,
-    draw_cut,
-    draw_floor,
-    new_figure,
-    save,
-    set_title,
-    space_axes,
-)
 
 _ROOM = 0.12  # [m] left around what is shown
 
@@ -54,7 +35,7 @@ def write_meet_picture(
     scenes = _scenes(meetings, robot, q_rest, tell)
     boxes = np.array([scene.box for scene in scenes])
     box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-    figure = new_figure(12.0, 6.0, _words(meetings))
+    figure = style.new_figure(12.0, 6.0, _words(meetings))
     if len(scenes) == 1:
         axes, bars = _one(figure, *(box[1] - box[0]))
         _draw_parts(bars, meetings[0])
@@ -64,11 +45,11 @@ def write_meet_picture(
     span = _span(scenes)
     for axis, (scene, normal) in zip(axes, views, strict=True):
         image = scene.draw(axis, normal, span, box)
-        set_title(axis, scene.title(normal, several=len(scenes) > 1))
+        style.set_title(axis, scene.title(normal, several=len(scenes) > 1))
     text = "best quality over all rotations of the tool there, cells of"
     cell = 100 * scenes[0].fine.grid.cell
-    colour_bar(figure, image, f"{text} {cell:g} cm", ax=axes, aspect=60)
-    return save(figure, path)
+    style.colour_bar(figure, image, f"{text} {cell:g} cm", ax=axes, aspect=60)
+    return style.save(figure, path)
 
 
 def _scenes(
@@ -132,7 +113,7 @@ class _Scene:
     def title(self, normal: int, several: bool) -> str:
         """Return what a view shows."""
         at = self.layer(normal)[1]
-        view = f"{VIEWS[normal][1]}, cut at {AXES[normal]} = {at:.2f} m"
+        view = f"{style.VIEWS[normal][1]}, cut at {style.AXES[normal]} = {at:.2f} m"
         if not several or normal == 2:
             return view
         targets = self.meeting.counts["targets"]
@@ -140,25 +121,30 @@ class _Scene:
 
     def draw(self, axis: object, normal: int, span: tuple, box: np.ndarray):
         """Draw one view and return its image."""
-        plane = VIEWS[normal][0]
+        plane = style.VIEWS[normal][0]
         grid, T = self.fine.grid, self.fine.settings.T_world_base
         corner = [T[k, 3] + grid.origin[k] for k in plane]
-        image = draw_cut(axis, corner, grid.cell, self.cut(normal), span, zorder=2)
+        image = style.draw_cut(
+            axis, corner, grid.cell, self.cut(normal), span, zorder=2
+        )
         if plane[1] == 2:
-            draw_floor(axis)
+            style.draw_floor(axis)
             _draw_stand(axis, T)
-        solids = [(self.robot, ROBOT, ROBOT_EDGE), (self.person, BODY, BODY_EDGE)]
+        solids = [
+            (self.robot, style.ROBOT, style.ROBOT_EDGE),
+            (self.person, style.BODY, style.BODY_EDGE),
+        ]
         if normal == 1 or self._height(self.person) < self._height(self.robot):
             solids.reverse()  # what is nearer covers
         for k, (solid, fill, line) in enumerate(solids):
             solid.draw(axis, plane, fill, line, (3 + k, 3 + k), alpha=0.65)
         if self.meeting.drawn is not None:
-            self.held.draw(axis, plane, INK, INK, (6, 6), linewidths=0.8)
-            ring = {"mfc": "none", "mec": RED, "ms": 11, "mew": 1.6, "zorder": 7}
+            self.held.draw(axis, plane, style.INK, style.INK, (6, 6), linewidths=0.8)
+            ring = {"mfc": "none", "mec": style.RED, "ms": 11, "mew": 1.6, "zorder": 7}
             axis.plot(*self.at[list(plane)], "o", **ring)
         if not self.meeting.best and normal == 1:
             self._say_missing(axis)
-        space_axes(axis, normal)
+        style.space_axes(axis, normal)
         axis.set(xlim=box[:, plane[0]], ylim=box[:, plane[1]])
         return image
 
@@ -170,7 +156,13 @@ class _Scene:
         missing = 100 * self.meeting.meet.missing_m
         text = f"nothing is shared\n{missing:.0f} cm are missing"
         axis.text(
-            0.5, 0.97, text, transform=axis.transAxes, ha="center", va="top", color=INK
+            0.5,
+            0.97,
+            text,
+            transform=axis.transAxes,
+            ha="center",
+            va="top",
+            color=style.INK,
         )
 
 
@@ -180,7 +172,9 @@ def _draw_stand(axis: object, T_world_base: np.ndarray) -> None:
 
     x, z = T_world_base[0, 3], T_world_base[2, 3]
     if z > 0.0:
-        stand = Rectangle((x - 0.16, 0.0), 0.32, z, fc="#f1f3f5", ec=LINE, zorder=1)
+        stand = Rectangle(
+            (x - 0.16, 0.0), 0.32, z, fc="#f1f3f5", ec=style.LINE, zorder=1
+        )
         axis.add_patch(stand)
 
 
@@ -217,10 +211,10 @@ def _draw_parts(axis: object, meeting: Meeting) -> None:
     values += [target.parts.online, target.dexterity, target.quality]
     values = np.nan_to_num(values)
     rows = np.arange(len(names)) + np.array([0.0] * 5 + [0.4] * 2 + [0.8])
-    strong = ["#8fb9b5"] * 5 + [TEAL] * 2 + [RED]
-    axis.barh(rows, np.ones(len(rows)), height=0.5, color=PALE)
+    strong = ["#8fb9b5"] * 5 + [style.TEAL] * 2 + [style.RED]
+    axis.barh(rows, np.ones(len(rows)), height=0.5, color=style.PALE)
     axis.barh(rows, values, height=0.5, color=strong)
-    text = {"color": INK, "size": 9.5, "va": "center"}
+    text = {"color": style.INK, "size": 9.5, "va": "center"}
     for row, name, value in zip(rows, names, values, strict=True):
         axis.text(-0.02, row, name, ha="right", **text)
         axis.text(1.02, row, f"{value:.2f}", **text)
@@ -228,7 +222,7 @@ def _draw_parts(axis: object, meeting: Meeting) -> None:
     said = f"target {rank + 1}: its quality"
     if meeting.drawn is None:
         said += "\n(the robot cannot be there exactly)"
-    set_title(axis, said)
+    style.set_title(axis, said)
 
 
 def _span(scenes: list[_Scene]) -> tuple[float, float]:

@@ -128,13 +128,7 @@ def framed(
     middle = 0.5 * (low + high)
     step = np.subtract(camera.eye, camera.target)
     for _ in range(MOST_STEPS):
-        away = float(np.linalg.norm(step))
-        found = replace(
-            camera,
-            eye=tuple((middle + step).tolist()),
-            target=tuple(middle.tolist()),
-            far=max(camera.far, away + FAR_PLANE),
-        )
+        found = _looking(camera, middle, step)
         if _outside(found, balls) <= min(SPILL, cut):
             break
         step = STEP_BACK * step
@@ -155,15 +149,16 @@ def above_words(camera: Camera, balls: np.ndarray, words: float) -> Camera:
             break
         eye, target = np.array(camera.eye), np.array(camera.target)
         away = STEP_BACK * (eye - target)
-        far = float(np.linalg.norm(away))
-        target[2] -= 0.1 * far * np.tan(0.5 * np.radians(camera.fov_deg))
-        camera = replace(
-            camera,
-            eye=tuple((target + away).tolist()),
-            target=tuple(target.tolist()),
-            far=max(camera.far, far + FAR_PLANE),
-        )
+        far, half = float(np.linalg.norm(away)), np.radians(camera.fov_deg) / 2
+        target[2] -= 0.1 * far * np.tan(half)
+        camera = _looking(camera, target, away)
     return camera
+
+
+def _looking(camera: Camera, target: np.ndarray, away: np.ndarray) -> Camera:
+    eye, far = target + away, float(np.linalg.norm(away)) + FAR_PLANE
+    places = {"eye": tuple(eye.tolist()), "target": tuple(target.tolist())}
+    return replace(camera, **places, far=max(camera.far, far))
 
 
 def _outside(camera: Camera, balls: np.ndarray) -> float:

@@ -18,7 +18,6 @@ from roadmap.kinematics.forward import difference, sphere_centers
 from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 from sim.loop.garbage import NotCollected
-from sim.loop.pushed import PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
 from sim.people.human_motion import HumanMotion
 
@@ -142,8 +141,7 @@ class Loop:
         places: (n, dof) at least two configurations; the robot starts at the first.
         motion: The person; None runs without one.
         settings: Rate and speeds.
-        pushed: How the robot is pushed, by the seed and the motion's name; None: it
-            is not, and is where its set-point is.
+        encoder_error: No point of the robot is farther from where it is measured [m].
     """
 
     def __init__(
@@ -153,7 +151,7 @@ class Loop:
         places: np.ndarray,
         motion: HumanMotion | None,
         settings: LoopSettings | None = None,
-        pushed: PushSettings | None = None,
+        encoder_error: float = 0.0,
     ) -> None:
         self.settings = settings_of(settings, LoopSettings)
         self.robot, self.planner, self.motion = robot, planner, motion
@@ -166,7 +164,7 @@ class Loop:
             s.retreat_scale,
             s.yields,
             min_retreat_separation=s.min_retreat_separation,
-            encoder_error=pushed.encoder if pushed else 0.0,
+            encoder_error=encoder_error,
         )
         self.executor = MOVERS[s.execution](
             robot, planner, self.places[0].copy(), 1.0 / s.rate_hz, shares
@@ -176,9 +174,6 @@ class Loop:
         self._retreats = self._escape = False
         self._new_path_for = 0  # frames in which the path in use counts as new
         self._q, self._moved = self.places[0].copy(), np.zeros(robot.dof)
-        self.body = self._pushed_body(pushed) if pushed else None
-        if self.body is not None:
-            self._q = self.body.q
         self._centers = sphere_centers(robot, self._q)
         _optional(planner, "reset")
         planner.set_goals([self.places[1]])
@@ -188,8 +183,6 @@ class Loop:
         now = self.index / self.settings.rate_hz
         capsules = NOBODY if self.motion is None else self.motion.capsules(now)
         guess = self._guess(now)
-        if self.body is not None:
-            self.executor.locate(self.body.measured)
         point = self.executor.set_point
         with NotCollected():
             wall, cpu = time.perf_counter(), time.thread_time()
@@ -225,7 +218,6 @@ class Loop:
             escape=escape,
             guess=guess,
         )
-        self._capsules = capsules
         self._move()
         return frame
 
@@ -248,27 +240,11 @@ class Loop:
 
     def _advance(self) -> None:
         """Let one period pass."""
-        before = self._q if self.body is None else self.executor.set_point.q
+        before = self._q
         self.executor.advance()
-        q = self.executor.set_point.q
-        self._moved = difference(self.robot, before, q) * self.settings.rate_hz
-        self._q = q if self.body is None else self._pushed_to(before, q)
+        self._q = self.executor.set_point.q
+        self._moved = difference(self.robot, before, self._q) * self.settings.rate_hz
         self.index += 1
-
-    def _pushed_body(self, settings: PushSettings) -> PushedRobot:
-        """Return the body that is pushed beside the set-point, by seed and motion."""
-        name = "none" if self.motion is None else self.motion.name
-        seed = [self.settings.seed, *name.encode()]
-        pushes = Pushes(self.robot, 1.0 / self.settings.rate_hz, seed, settings)
-        stop = mechanical_stop(self.planner, self.robot)
-        return PushedRobot(self.robot, self.places[0], pushes, stop)
-
-    def _pushed_to(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """Return where the body is when the set-point has moved on."""
-        near = self._capsules
-        gap = (lambda q: self._audit(q, near)) if len(near) else None
-        self.body.follow(before, after, gap)
-        return self.body.q
 
     def _threat(self, capsules: np.ndarray, now: float) -> Threat | None:
         """Look where the person can be, and tell the planner where they will be."""
@@ -329,15 +305,13 @@ def run_loop(
     motion: HumanMotion | None,
     settings: LoopSettings | None = None,
     on_frame: Callable[[Frame], None] | None = None,
-    pushed: PushSettings | None = None,
 ) -> RunResult:
     """Run the loop for its whole duration, with the arguments of `Loop`; return all.
 
     `on_frame` is called after every frame, for a picture or a progress bar. The same
     input gives the same result but for the clock's figures.
     """
-    loop = Loop(planner, robot, places, motion, settings, pushed)
-    return run_frames(loop, on_frame)
+    return run_frames(Loop(planner, robot, places, motion, settings), on_frame)
 
 
 def run_frames(
@@ -425,7 +399,6 @@ def result_of(loop: Loop, frames: list[Frame], paths: dict) -> RunResult:
         improve_cpu_s=[frame.improve_cpu_s for frame in frames],
         stages={n: [a.stages.get(n, 0.0) for a in answers] for n in names},
         paths=paths,
-        pushed=None if loop.body is None else loop.body.figures(),
         slowed_s=slowed_of(frames) / rate if loop.executor.brakes else None,
         **rows,
     )

@@ -149,4 +149,5 @@ def known(kind: type, table: dict) -> object:
             f"the recording sets {unknown[0]} = {table[unknown[0]]}, which this "
             "version of odm-planner does not know; replay it with the one that wrote it"
         )
-    return kind(**table)
+    rows = {k: tuple(v) for k, v in table.items() if isinstance(v, list)}
+    return kind(**table | rows)

@@ -36,17 +36,8 @@ def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
         )
 
 
-def check_reach_folder(target: Path) -> None:
-    """Refuse to replace what is no reach map, before any work."""
-    _check_kind(target, "reach map")
-
-
-def check_grasp_folder(target: Path) -> None:
-    """Refuse to replace what is no grasp set, before any work."""
-    _check_kind(target, "grasp set")
-
-
-def _check_kind(target: Path, wanted: str) -> None:
+def check_kind_of(target: Path, wanted: str) -> None:
+    """Refuse to replace what is no "reach map" or "grasp set", before any work."""
     if not target.exists():
         return
     try:

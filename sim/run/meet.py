@@ -39,7 +39,7 @@ from sim.people.whole_person import (
     scripted_person,
 )
 from sim.run import places
-from sim.run.folders import REACH_MAPS, check_reach_folder
+from sim.run.folders import REACH_MAPS, check_kind_of
 from sim.run.meet_audit import TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
 from sim.run.meet_record import TargetColumns
@@ -253,7 +253,7 @@ def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
         return reach
     for name in _folder_names(robot):
         folder = REACH_MAPS / name
-        check_reach_folder(folder)
+        check_kind_of(folder, "reach map")
         if not folder.exists():
             told = f"no reach map of {robot.name} yet: building it into {folder}"
             print(told, file=sys.stderr)  # what is asked for may be JSON

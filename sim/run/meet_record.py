@@ -135,7 +135,7 @@ def targets_again(
 def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     head, told = record.head, record.head["targets"]
     planner, person = planner_of(record, cell_map), ReplayedWholePerson(record)
-    quality = known(QualitySettings, _with_rows(told["quality"]))
+    quality = known(QualitySettings, told["quality"])
     settings = MeetSettings(side=told["side"], quality=quality)
     obj, someone = held_of(told["held"]), person.human(0.0)
     meet = InteractionWorkspace(reach, someone, obj, told["grasps"], settings)
@@ -146,8 +146,3 @@ def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     targets = LiveTargets(planner, meet, rest, index, live)
     how = known(LoopSettings, head["settings"])
     return MeetLoop(targets, rest, person, how, told["dwell_s"])
-
-
-def _with_rows(table: dict) -> dict:
-    """Return settings as they were before JSON made lists of their rows."""
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}

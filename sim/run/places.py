@@ -12,7 +12,7 @@ from roadmap.chunks import Progress
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from sim.loop.carried import take_ball
-from sim.loop.loop import Frame, Loop, LoopSettings, run_loop
+from sim.loop.loop import Loop, LoopSettings, run_loop
 from sim.loop.run_result import RunResult
 from sim.loop.warmup import exercise
 from sim.loop.work_places import work_places
@@ -67,9 +67,6 @@ class PlacesTask:
         robot = take_ball(planner, self.request.carry)
         set_up_scene(planner, self.request.scene)
         return planner, robot
-
-    def hear(self, frame: Frame) -> None:
-        """Ignore the frame: nothing is audited here."""
 
     def figures(self, loop: Loop, result: RunResult) -> dict:
         """Return the figures of the same run with nobody there, by "alone"."""

@@ -14,7 +14,7 @@ from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of_flat
-from sim.loop.loop import Frame, Loop, LoopSettings
+from sim.loop.loop import Loop, LoopSettings
 from sim.loop.run_result import RunResult
 from sim.people.receiver import PlannedReceiver, motion_of
 from sim.run.places import set_up_scene, warm_up
@@ -111,9 +111,6 @@ class PlanTask:
         set_up_scene(planner, self.request.scene)
         planner.scene.test_waiting()
         return planner
-
-    def hear(self, frame: Frame) -> None:
-        """Ignore the frame: nothing is audited here."""
 
     def figures(self, loop: Loop, result: RunResult) -> dict:
         """Return what became of the hand-over, by "plan"."""

@@ -94,9 +94,8 @@ def _planned_agent(agent: Mapping) -> PlannedAgent:
     return PlannedAgent(agent_body(str(file)), np.array(agent["T_world_base"], float))
 
 
-def show_played(played: PlayedPlan) -> None:
-    """Print who does what, and what holds the object."""
-    told = played.facts()
+def show_played(told: dict) -> None:
+    """Print who does what, and what holds the object, of `PlayedPlan.facts`."""
     print(f"plan of {told['scene']}, {told['duration_s']:.1f} s")
     for row in told["motions"]:
         print(
@@ -108,3 +107,5 @@ def show_played(played: PlayedPlan) -> None:
         held = f"is held by the {row['who']}, {row['link']}"
         what = held if row["link"] else "stands by itself"
         print(f"  {row['begin']:7.2f} to {end:7.2f} s  the object {what}")
+    if "animation" in told:
+        print(f"animation in {told['animation']}")

@@ -19,7 +19,6 @@ from sim.loop.run_result import RunResult, stretches
 from sim.people.human_motion import HumanMotion
 from sim.record import recording
 from sim.run.meet import MeetTask
-from sim.run.meet_record import TargetColumns
 from sim.run.places import DEMO, PlacesTask
 from sim.run.planned import PlanTask
 from sim.run.report import setting
@@ -51,11 +50,13 @@ def run(request: RunRequest, live: object | None = None) -> dict:
         compile_ahead("run")
         task.open(tell)
         loop = task.loop(person, settings)
+    meets = isinstance(task, MeetTask)
+    beside = task.columns() if meets else None  # what a recording holds beside the run
     with (
-        recording(request.record, loop, task.cell_map, beside_of(task)) as recorder,
+        recording(request.record, loop, task.cell_map, beside) as recorder,
         watched(request, loop, task.cell_map) as page,
     ):
-        listeners = [task.hear]
+        listeners = [task.hear] if meets else []
         listeners += [recorder.add] if recorder else []
         listeners += [page.hear] if page else []
 
@@ -92,11 +93,6 @@ def task_of(request: RunRequest, live: object | None) -> Task:
     if request.plan is not None:
         return PlanTask(request)
     return (MeetTask if request.meets else PlacesTask)(request, live)
-
-
-def beside_of(task: Task) -> TargetColumns | None:
-    """Return what a recording of a task holds beside the run; None: nothing."""
-    return task.columns() if isinstance(task, MeetTask) else None
 
 
 def watched(
@@ -217,8 +213,8 @@ def write_files(
     result: RunResult,
     data: dict,
     tell: Progress,
-) -> list[Path]:
-    """Write the pictures and figures that were asked for; return their paths.
+) -> list[Path | str]:
+    """Write the pictures and figures that were asked for; return paths, and notes.
 
     The film shows the first seconds of a scene, else the liveliest ones.
     """
@@ -231,7 +227,8 @@ def write_files(
 
         write_latency_plot(result, plot)
     if film is not None:
-        _write_film(loop, cell_map, result, film, tell)
+        note = _write_film(loop, cell_map, result, film, tell)
+        written += [note] if note else []
     if figures is not None:
         text = json.dumps(data, indent=1) if request.meets else result.to_json()
         write_text(figures, text)
@@ -240,10 +237,11 @@ def write_files(
 
 def _write_film(
     loop: Loop, cell_map: CellMap, result: RunResult, path: Path, tell: Progress
-) -> None:
+) -> str:
+    """Write the film of a run; return what is to be said of it, "" for nothing."""
     from sim.draw.animation import FilmSettings, write_animation
+    from sim.draw.cover_world import open_world
     from sim.draw.surroundings import all_triangles, standing_of
-    from sim.run.demo import open_world
 
     film, film_s = FilmSettings(), getattr(loop.motion, "film_s", None)
     if film_s is not None:
@@ -251,13 +249,14 @@ def _write_film(
         film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
     still = all_triangles(standing_of(loop.planner))
     with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map, loop.planner.attached)
+        world, note = open_world(cell_map, loop.planner.attached)
     with world:
         world.stand(still)
         tools = getattr(loop, "tools", None)
         write_animation(
             result, cell_map.robot, loop.places, world, path, film, tools, still, tell
         )
+    return note
 
 
 def _show(

@@ -11,6 +11,7 @@ from handover import ReachMap, load_object
 from handover.grasps.objects import GraspObject
 from odm import CellMap
 from roadmap.loading.body_tree import FASTER
+from sim.draw.cover_world import open_world
 from sim.draw.film import FilmSettings
 from sim.draw.surroundings import all_triangles
 from sim.draw.world import SimulatorMissing
@@ -19,7 +20,6 @@ from sim.people.mocap import MocapSettings, load_mocap
 from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
 from sim.record import RunRecord, write_record
-from sim.run.demo import open_world
 from sim.story.cases import (
     PLACE_XY,
     StoryCase,

@@ -316,10 +316,12 @@ def show_audit(report: "AuditReport", map_hash: str) -> None:
     console.print("nearest pairs that were called free:")
     for case in report.worst:
         console.print(f"  {case}", soft_wrap=True)
+    console.print(_with_seed(report, map_hash))
+
+
+def _with_seed(report: "AuditReport | SequenceReport", map_hash: str) -> str:
     sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
-    console.print(
-        f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
-    )
+    return f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
 
 
 def show_sequences(report: "SequenceReport", map_hash: str) -> None:
@@ -344,7 +346,4 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
     console.print(table_of("What was judged", ("count of", ""), rows, left=(0, 1)))
     for seed, step, fault in report.first_faults:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
-    sabotage = f", sabotage {report.sabotage}" if report.sabotage else ""
-    console.print(
-        f"seed {report.seed}{sabotage}, {report.seconds:.1f} s, map {map_hash[:12]}"
-    )
+    console.print(_with_seed(report, map_hash))

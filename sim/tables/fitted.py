@@ -56,6 +56,17 @@ def table_of(
     return Fitted(table)
 
 
+def numbers_of(
+    title: str, heads: Sequence[str], rows: Iterable[Sequence[str]]
+) -> Fitted:
+    """Return a table of numbers without lines; none of its cells is broken."""
+    look = {"box": None, "padding": (0, 1, 0, 0), "pad_edge": False}
+    fitted = table_of(title, heads, rows, left=(), **look)
+    for column in fitted.table.columns:
+        column.no_wrap = True
+    return fitted
+
+
 def _rows(table: Table) -> Iterator[RenderableType]:
     """Yield the title, and each row: its first cell, the others beneath by name.
 

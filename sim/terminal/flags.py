@@ -86,9 +86,8 @@ def flag(
     """
     if writes is not None:
         options = {"metavar": writes.metavar} | options
-    made = _field(default, typer.Option(*names, help=text, **_named(options)))
-    checks = {"limits": limits, "writes": writes}
-    return field(metadata={**made.metadata, **checks}, **_default(default))
+    option = typer.Option(*names, help=text, **_named(options))
+    return _field(default, option, limits=limits, writes=writes)
 
 
 def argument(default: object, text: str, **options: object) -> Field:
@@ -101,12 +100,9 @@ def _named(options: dict) -> dict:
     return options | panel
 
 
-def _field(default: object, option: object) -> Field:
-    return field(metadata={"option": option}, **_default(default))
-
-
-def _default(default: object) -> dict:
-    return {} if default is ... else {"default": default}
+def _field(default: object, option: object, **checks: object) -> Field:
+    given = {} if default is ... else {"default": default}
+    return field(metadata={"option": option, **checks}, **given)
 
 
 def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
@@ -155,14 +151,10 @@ def option_like(option: object) -> bool:
     return not isinstance(option, typer.models.ArgumentInfo)
 
 
-def given(request: object, panel: str) -> list[str]:
-    """Return the flags of a panel of the help that were given."""
-    flags = flags_of(type(request))
-    return [
-        flags[name]
-        for name, (_, _, option) in _options(type(request)).items()
-        if option.rich_help_panel == panel and is_given(request, name)
-    ]
+def of_panels(request: object, *panels: str) -> list[str]:
+    """Return the fields of a request whose flags stand in some panels of the help."""
+    options = _options(type(request)).items()
+    return [name for name, (*_, option) in options if option.rich_help_panel in panels]
 
 
 def is_given(request: object, name: str) -> bool:

@@ -82,15 +82,11 @@ def _sentence(error: Exception) -> str | None:
     # not imported above: it brings numba along, and --help should be quick
     errors = sys.modules.get("roadmap.errors")
     if errors is not None and isinstance(error, errors.PlanningError):
-        return _as_typed(str(error))
+        text = str(error)
+        for python, typed in _REMEDIES:
+            text = re.sub(python, typed, text)
+        return text
     return None
-
-
-def _as_typed(text: str) -> str:
-    """Return an inner sentence with a remedy for who typed a command, not Python."""
-    for python, typed in _REMEDIES:
-        text = re.sub(python, typed, text)
-    return text
 
 
 def no_room(error: Exception) -> str | None:

@@ -9,11 +9,11 @@ from odm.cell_map.cell_map import CellMap
 from roadmap.chunks import Progress
 from roadmap.kinematics.forward import sphere_centers, tool_pose
 from roadmap.transforms import moved_points
+from sim.draw.cover_world import open_world
 from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, FAINT, INK, SLATE, TEAL, rgb
 from sim.draw.viewpoint import Camera
 from sim.loop.run_result import STATUS
-from sim.run.demo import open_world
 from sim.terminal.output import stdout_to_stderr, write_whole
 from sim.two.two_result import TwoResult
 

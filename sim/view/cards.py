@@ -5,22 +5,9 @@ from html import escape
 import numpy as np
 
 from sim.draw.style import AMBER, BLUE, FAINT, INK, LINE, PALE, RED, TEAL
+from sim.view import moment as m
 from sim.view import theme
-from sim.view.moment import (
-    CONTACT,
-    GAP,
-    HOLDING,
-    LATENCY,
-    NEW_PATH,
-    ON_THE_WAY,
-    STATE,
-    STICKY_S,
-    STILL,
-    TIME,
-    WORDS,
-    Event,
-    Moment,
-)
+from sim.view.moment import Event, Moment
 
 STRIP_S = 10.0  # what the strips show before the present moment [s]
 COLUMNS = 400  # of a time line, at most
@@ -32,9 +19,9 @@ _MOST_TEXT = 400
 def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
     """Return state, reason, time and separation of a moment in words."""
     state = shown_state(moment, events)
-    word = WORDS[state]
+    word = m.WORDS[state]
     colour = theme.STATE_COLOURS[state]
-    reason = moment.reason if state != NEW_PATH else ""
+    reason = moment.reason if state != m.NEW_PATH else ""
     why = f'<div style="color:{INK};margin-top:4px">{_clip(reason)}</div>'
     gap = moment.separation
     at = f"{moment.time_s:.2f} / {length_s:.1f} s" if length_s > 0 else ""
@@ -57,13 +44,13 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
 
 def shown_state(moment: Moment, events: list[Event]) -> int:
     """Return the state to tell; a new path is told long enough to be read."""
-    if moment.state != ON_THE_WAY:
+    if moment.state != m.ON_THE_WAY:
         return moment.state
     new = any(
-        e.state == NEW_PATH and 0 <= moment.time_s - e.time_s < STICKY_S
+        e.state == m.NEW_PATH and 0 <= moment.time_s - e.time_s < m.STICKY_S
         for e in events[-8:]
     )
-    return NEW_PATH if new else moment.state
+    return m.NEW_PATH if new else moment.state
 
 
 def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
@@ -71,18 +58,20 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
 
     `rows` are (n, 5) as in `Moment`, by time; latencies may not be known.
     """
-    recent = rows[(rows[:, TIME] > now - STRIP_S) & (rows[:, TIME] <= now + 1e-9)]
-    gap = recent[np.isfinite(recent[:, GAP])]
-    nearest = f"{100 * gap[:, GAP].min():.1f} cm at the least" if len(gap) else "nobody"
-    top = max(0.3, float(gap[:, GAP].max(initial=0.0)))
-    picture = _strip(gap[:, TIME], gap[:, GAP], now, top, TEAL, NEAR)
+    recent = rows[(rows[:, m.TIME] > now - STRIP_S) & (rows[:, m.TIME] <= now + 1e-9)]
+    gap = recent[np.isfinite(recent[:, m.GAP])]
+    nearest = (
+        f"{100 * gap[:, m.GAP].min():.1f} cm at the least" if len(gap) else "nobody"
+    )
+    top = max(0.3, float(gap[:, m.GAP].max(initial=0.0)))
+    picture = _strip(gap[:, m.TIME], gap[:, m.GAP], now, top, TEAL, NEAR)
     told = [_titled("Separation", nearest, picture, f"{100 * top:.0f} cm")]
     if latency and len(recent):
-        took = 1e3 * recent[:, LATENCY]
+        took = 1e3 * recent[:, m.LATENCY]
         p50, p99 = np.percentile(took, [50, 99])
         most = float(took.max())
         top = max(1.0, 1.1 * most)
-        picture = _strip(recent[:, TIME], took, now, top, BLUE)
+        picture = _strip(recent[:, m.TIME], took, now, top, BLUE)
         # of one line, however long a frame took
         told_ms = [f"{t:.2f}" if t < 10.0 else f"{t:.0f}" for t in (p50, p99, most)]
         words = "p50 {}, p99 {}, most {} ms".format(*told_ms)
@@ -156,9 +145,9 @@ def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) ->
             f'<rect x="{x:.1f}" y="12" width="{wide:.1f}" height="18" '
             f'fill="{theme.STATE_COLOURS[state]}"/>'
         )
-    for event in [e for e in events if e.state == NEW_PATH][-COLUMNS:]:
+    for event in [e for e in events if e.state == m.NEW_PATH][-COLUMNS:]:
         x = at(event.time_s)
-        colour = theme.STATE_COLOURS[NEW_PATH]
+        colour = theme.STATE_COLOURS[m.NEW_PATH]
         body += f'<rect x="{x - 1:.1f}" y="4" width="2.4" height="8" fill="{colour}"/>'
     x = at(now)
     body += f'<rect x="{x - 1.5:.1f}" y="0" width="3" height="{height}" fill="{INK}"/>'
@@ -185,13 +174,13 @@ def _stretches(rows: np.ndarray, begin: float, length: float) -> list[tuple]:
     """Return (first [s], last [s], state) by column; the gravest of a column stays."""
     if len(rows) == 0:
         return []
-    column = np.clip((rows[:, TIME] - begin) / length * COLUMNS, 0, COLUMNS - 1)
+    column = np.clip((rows[:, m.TIME] - begin) / length * COLUMNS, 0, COLUMNS - 1)
     grave = np.full(COLUMNS, -1)
-    np.maximum.at(grave, column.astype(int), rows[:, STATE].astype(int))
+    np.maximum.at(grave, column.astype(int), rows[:, m.STATE].astype(int))
     for i in range(1, COLUMNS):  # where columns are finer than frames
         if grave[i] < 0 and i <= column[-1]:
             grave[i] = grave[i - 1]
-    grave[grave == NEW_PATH] = ON_THE_WAY
+    grave[grave == m.NEW_PATH] = m.ON_THE_WAY
     cuts = np.flatnonzero(np.r_[True, grave[1:] != grave[:-1]])
     ends = np.r_[cuts[1:], COLUMNS]
     scale = length / COLUMNS
@@ -229,8 +218,14 @@ def legend(has_map: bool, has_quality: bool, runs: bool = True) -> str:
         rows.append(("dot", theme.GOAL, "place; large: the goal"))
     items = "".join(_swatch(kind, theme.hex_of(c), text) for kind, c, text in rows)
     states = "".join(
-        _swatch("box", theme.STATE_COLOURS[s], WORDS[s])
-        for s in (STILL, ON_THE_WAY, NEW_PATH, *range(3, HOLDING + 1), CONTACT)
+        _swatch("box", theme.STATE_COLOURS[s], m.WORDS[s])
+        for s in (
+            m.STILL,
+            m.ON_THE_WAY,
+            m.NEW_PATH,
+            *range(3, m.HOLDING + 1),
+            m.CONTACT,
+        )
     )
     bar = ""
     if has_quality:

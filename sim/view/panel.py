@@ -148,7 +148,7 @@ class Panel:
 
     def draw(self, moment: Moment, clock: float) -> None:
         """Renew what is due; `clock` [s] goes on also where the run stands still."""
-        begin, end = self.playback.span_s
+        begin, end = self.playback.begin, self.playback.end
         if clock - self._words_at >= WORDS_EVERY_S:
             self._words_at = clock
             events = [e for e in self.source.events if e.time_s <= moment.time_s + 1e-9]

@@ -25,11 +25,6 @@ class Playback:
         self.at = self.end if live else self.begin
         self.playing, self.speed = live, 1.0
 
-    @property
-    def span_s(self) -> tuple[float, float]:
-        """First and last moment [s]."""
-        return self.begin, self.end
-
     def play(self) -> None:
         """Let time pass; from the end of a recording it begins anew."""
         if self.at >= self.end:

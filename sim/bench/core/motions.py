@@ -1,6 +1,6 @@
 """`odm bench motions`: contacts, trips and calm beside every scripted motion.
 
-With `pushed` the robot is pushed in every run (`sim.loop.pushed`), the one with nobody
+With `pushed` the robot is pushed in every run (`sim.bench.pushed`), the one with nobody
 included, and no trips are asked. A contact counts, judged at the true robot by exact
 geometry, if the robot moves by itself meanwhile: if its set-point does. That somebody
 presses a robot that stands against a person is no contact of the planner's.
@@ -16,8 +16,8 @@ from odm import ReactivePlanner, load_map
 from sim.bench.evadable import Oracle, TouchWatch
 from sim.bench.lost_time import PaceWatch, lost_time, lost_time_table
 from sim.bench.many import play_all
+from sim.bench.pushed import KINDS, PushedLoop, PushSettings, run_pushed
 from sim.loop.loop import Frame, Loop, LoopSettings, exact_audit, run_frames
-from sim.loop.pushed import KINDS, PushSettings
 from sim.loop.run_result import RunResult
 from sim.people.human_motion import HumanMotion, make_motion, motion_names
 from sim.people.scenes import SCENES, before_work_places
@@ -57,7 +57,7 @@ def run(
             staged so that the robot has to hold.
         files: Recorded motions (CSV, BVH), each played once for its length at most.
         execution: "kinematic" or "timed"; see `sim.loop.loop.LoopSettings`.
-        pushed: Push the robot, several times a minute; see `sim.loop.pushed`.
+        pushed: Push the robot, several times a minute; see `sim.bench.pushed`.
         seed: The first seed.
         short: Few seconds: to see that it runs, not to measure.
         processes: Runs at a time; the figures do not depend on it.
@@ -137,8 +137,8 @@ def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) ->
     places = find_places(planner)
     if human is not None:
         human = before_work_places(human, planner.robot, places)
-    pushes = PushSettings() if pushed else None
-    loop = Loop(planner, planner.robot, places, human, settings, pushed=pushes)
+    given = planner, planner.robot, places, human, settings
+    loop = PushedLoop(*given, PushSettings()) if pushed else Loop(*given)
     asks = human is not None and execution == "timed" and not pushed
     watch, paces = TouchWatch(loop) if asks else None, PaceWatch()
 
@@ -147,7 +147,7 @@ def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) ->
         if watch is not None:
             watch.hear(frame)
 
-    result = run_frames(loop, hear)
+    result = run_pushed(loop, hear) if pushed else run_frames(loop, hear)
     lost = {}
     if asks and trip_s is not None:
         how = (paces.paces, settings.speed_scale, trip_s)

@@ -61,7 +61,8 @@ def slow_value(meet, person_map, human, key):
         T = arm.mirrored(np.linalg.inv(human.T_world_shoulder(s.side)) @ T_hand)
         near = T.copy()
         near[:3, :3] = Rotation.from_rotvec(NUDGE).as_matrix() @ T[:3, :3]
-        dexterity = person_map.quality(near, arm.length)
+        near[:3, 3] /= arm.length
+        dexterity = person_map.quality(near)
         for q in human.arm_ik(s.side, T_hand, s.swivel_step).q:
             online = handover.posture_quality(state, q).online
             best = max(best, handover.total_quality(online, dexterity, s.quality))

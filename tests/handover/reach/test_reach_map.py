@@ -98,16 +98,6 @@ def test_a_witness_is_where_the_pose_is(arm_map, rng):
         assert naive_cell(arm_map.grid, tool) == naive_cell(arm_map.grid, T)
 
 
-def test_a_person_s_map_scales_with_the_arm(arm_map, rng):
-    poses = some_poses(arm_map, 500, rng)
-    tall = poses.copy()
-    tall[:, :3, 3] *= 0.72
-    np.testing.assert_array_equal(
-        arm_map.quality(tall, unit_m=0.72), arm_map.quality(poses)
-    )
-    assert (arm_map.quality(tall) != arm_map.quality(poses)).any()
-
-
 def test_the_same_bytes_for_any_number_of_threads(arm, robot, monkeypatch):
     monkeypatch.setattr(reach_build, "_CHUNK", 1 << 12)  # ten pieces, in two rounds
     settings = ReachSettings(cell=0.2, rotations=72, samples=40_000, seed=9)
@@ -281,7 +271,7 @@ def test_a_time_limit_ends_with_a_map_that_says_so(arm):
     ],
 )
 def test_a_setting_out_of_range_is_refused(change):
-    with pytest.raises(BadInput, match="give|choose"):
+    with pytest.raises(BadInput, match="change it|choose"):
         ReachSettings(**change)
 
 
@@ -291,8 +281,7 @@ def test_a_grid_that_would_not_fit_in_memory_is_refused(arm):
     assert MAX_BYTES < 1e10
 
 
-def test_poses_that_are_none_are_refused(arm_map, robot_map):
-    T = np.eye(4)
+def test_poses_that_are_none_are_refused(arm_map):
     for bad, word in (
         (np.full((4, 4), np.nan), "NaN"),
         (np.diag([2.0, 1, 1, 1]), "rigid"),
@@ -302,11 +291,6 @@ def test_poses_that_are_none_are_refused(arm_map, robot_map):
     ):
         with pytest.raises(BadInput, match=word):
             arm_map.quality(bad)
-    for unit in (0.0, -1.0, np.nan):
-        with pytest.raises(BadInput, match="unit_m"):
-            arm_map.quality(T, unit_m=unit)
-    with pytest.raises(BadInput, match="in metres"):
-        robot_map.quality(T, unit_m=0.7)
     with pytest.raises(BadInput, match="cells go"):
         arm_map.qualities(np.array([arm_map.grid.n_cells]))
     assert len(arm_map.quality(np.empty((0, 4, 4)))) == 0

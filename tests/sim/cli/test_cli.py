@@ -364,29 +364,26 @@ def test_the_demo_at_work_has_a_seed_and_prints_its_figures_alone(
     odm, monkeypatch, tmp_path
 ):
     from sim.cli import run_command
-    from sim.run import demo
+    from sim.run import runner
 
-    def played(folder, out, settings):
+    def played(request):
         print("tables")
-        (tmp_path / "figures.json").write_text(json.dumps({"seed": settings.seed}))
-        return {"figures": tmp_path / "figures.json"}
+        (tmp_path / "sweep.json").write_text(json.dumps({"seed": request.seed}))
 
     monkeypatch.setattr(run_command, "built_map", lambda *_: tmp_path)
-    monkeypatch.setattr(demo, "run_demo", played)
-    code, out, err = odm("demo", "--seed", 3, "--json")
+    monkeypatch.setattr(runner, "run", played)
+    code, out, err = odm("demo", "--seed", 3, "--out", tmp_path, "--json")
     assert code == 0 and json.loads(out) == {"seed": 3} and "tables" in err
 
 
 def test_without_the_panda_the_story_gives_way_to_the_work(odm, monkeypatch):
     from sim.cli import run_command
-    from sim.run import demo
+    from sim.run import runner
 
     played = []
-    monkeypatch.setattr(run_command, "_brings_panda", lambda: False)
+    monkeypatch.setattr(run_command, "is_there", lambda module: False)
     monkeypatch.setattr(run_command, "built_map", lambda recipe, threads: recipe.name)
-    monkeypatch.setattr(
-        demo, "run_demo", lambda folder, *_, **__: played.append(folder)
-    )
+    monkeypatch.setattr(runner, "run", lambda asked: played.append(asked.map_dir))
     code, out, _ = odm("demo", "handover")
     assert code == 0 and played == ["demo_plain"]
     assert "instead of a hand-over" in out

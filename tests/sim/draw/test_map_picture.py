@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim.draw.map_picture import node_counts, write_coverage_plot
+from sim.draw.map_picture import node_counts, plot_map
 
 pytest.importorskip("matplotlib")
 Image = pytest.importorskip("PIL.Image")
@@ -37,11 +37,8 @@ def test_each_cell_counts_the_nodes_that_sweep_it_and_no_edges(tiny_map):
     np.testing.assert_array_equal(counts, expected)
 
 
-def test_the_coverage_plot_is_written(crane, tmp_path):
-    counts = np.zeros((20, 20, 12), int)
-    counts[5:15, 5:15, 2:10] = 100
-    centers, radii = crane.spheres[:, :3], crane.spheres[:, 3]
-    path = tmp_path / "cover.png"
-    write_coverage_plot(counts, np.array([-1, -1, 0.0]), 0.1, centers, radii, path)
+def test_the_coverage_plot_is_written(tiny_map, crane, tmp_path):
+    tiny_map.robot, tiny_map.grid.origin, tiny_map.grid.h = crane, np.zeros(3), 0.1
+    path = plot_map(tiny_map, tmp_path / "cover.png")
     with Image.open(path) as image:
         assert image.size[0] > image.size[1]

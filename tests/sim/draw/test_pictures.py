@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from odm import Box
-from sim.draw import animation, scene_picture
+from sim.draw import animation, scene_picture, style
 from sim.draw.animation import floor_of, write_animation
 from sim.draw.cover_world import CoverWorld
 from sim.draw.film import FilmSettings, best_stretch
@@ -14,7 +14,6 @@ from sim.draw.style import new_figure
 from sim.draw.surroundings import triangles_of
 from sim.draw.viewpoint import Camera
 from sim.loop.loop import LoopSettings, run_loop
-from sim.run import latency_plot
 from sim.run.latency_plot import write_latency_plot
 
 pytest.importorskip("matplotlib")
@@ -96,9 +95,7 @@ def test_the_latency_plot_is_written(run, tmp_path):
 
 def test_no_words_of_the_latency_plot_lie_on_others(run, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(
-        latency_plot, "save", lambda figure, *_, **__: drawn.append(figure)
-    )
+    monkeypatch.setattr(style, "save", lambda figure, *_, **__: drawn.append(figure))
     same = replace(run, wall_s=np.full(run.frames, 2e-5))
     write_latency_plot(same, tmp_path / "latency.png")
     (figure,) = drawn

@@ -25,7 +25,7 @@ A contact counts only while the set-point moves, for then the robot moves by its
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,9 @@ from roadmap.kinematics.forward import difference, sphere_centers, wrapped
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.robot import Robot
+from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
+from sim.loop.run_result import RunResult
+from sim.people.human_motion import HumanMotion
 
 PUSH, BUMP, SLIP = KINDS = ("push", "bump", "slip")
 _OFTEN = (0.5, 0.3, 0.2)  # share of each kind
@@ -270,3 +273,52 @@ def mechanical_stop(planner: object, robot: Robot) -> Callable[[np.ndarray], boo
         return bool(within.all()) and (static is None or static.motion_free(q, still))
 
     return may_be
+
+
+class PushedLoop(Loop):
+    """A loop whose robot is pushed, by the seed and the motion's name.
+
+    The arguments are those of `Loop`, and how it is pushed.
+
+    Attributes:
+        body: Where the robot truly is.
+    """
+
+    def __init__(
+        self,
+        planner: object,
+        robot: Robot,
+        places: np.ndarray,
+        motion: HumanMotion | None,
+        settings: LoopSettings,
+        pushed: PushSettings,
+    ) -> None:
+        super().__init__(planner, robot, places, motion, settings, pushed.encoder)
+        name = "none" if motion is None else motion.name
+        seed = [settings.seed, *name.encode()]
+        pushes = Pushes(robot, 1.0 / settings.rate_hz, seed, pushed)
+        stop = mechanical_stop(planner, robot)
+        self.body = PushedRobot(robot, self.places[0], pushes, stop)
+        self._q = self.body.q
+        self._centers = sphere_centers(robot, self._q)
+
+    def frame(self) -> Frame:
+        """Measure where the robot is, then go on as any loop."""
+        self.executor.locate(self.body.measured)
+        return super().frame()
+
+    def _advance(self) -> None:
+        before, now = self.executor.set_point.q, self.index / self.settings.rate_hz
+        near = () if self.motion is None else self.motion.capsules(now)
+        self._q = before
+        super()._advance()
+        gap = (lambda q: self._audit(q, near)) if len(near) else None
+        self.body.follow(before, self.executor.set_point.q, gap)
+        self._q = self.body.q
+
+
+def run_pushed(
+    loop: PushedLoop, on_frame: Callable[[Frame], None] | None = None
+) -> RunResult:
+    """Run a loop that was not begun for its whole duration, see `run_frames`."""
+    return replace(run_frames(loop, on_frame), pushed=loop.body.figures())

@@ -1,22 +1,16 @@
-"""The demo from a map to its pictures, with and without pybullet."""
+"""Pictures of a run where pybullet, or the robot's URDF, is not there."""
 
-import json
 import sys
 from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
 from odm.cell_map.build import build_map
 from odm.cell_map.recipe import Recipe, RobotRecipe
 from roadmap.graph.connecting import RoadmapSettings
-from sim.draw.animation import FilmSettings
-from sim.draw.cover_world import CoverWorld
-from sim.run.demo import open_world, run_demo
-from sim.run.places import DEMO
-
-BRIEF = replace(DEMO, duration_s=2.0)
-FILM = FilmSettings(width=160, height=120, frames=6)
+from sim.draw.cover_world import CoverWorld, open_world
+from sim.run.request import RunRequest
+from sim.run.runner import run
 
 
 @pytest.fixture(scope="module")
@@ -29,26 +23,14 @@ def map_dir(crane_urdf, tmp_path_factory):
     return build_map(recipe, threads=1).save(tmp_path_factory.mktemp("map") / "crane")
 
 
-def demo(map_dir, out):
-    console = Console(width=140, record=True, file=open("/dev/null", "w"))
-    files = run_demo(map_dir, out, "reach", BRIEF, FILM, console)
-    return files, console.export_text()
-
-
-def test_the_demo_writes_film_plot_and_figures_and_says_where(map_dir, tmp_path):
-    pytest.importorskip("pybullet")
-    files, text = demo(map_dir, tmp_path / "new" / "folder")
-    for file in files.values():
-        assert file.stat().st_size > 500 and str(file) in text
-    assert json.loads(files["figures"].read_text())["motion"] == "reach"
-    assert "contacts while moving" in text and "p99" in text
-
-
-def test_without_pybullet_the_demo_goes_on_and_says_how(map_dir, tmp_path, monkeypatch):
+def test_without_pybullet_a_film_is_drawn_all_the_same_and_says_how(
+    map_dir, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    files, text = demo(map_dir, tmp_path)
-    assert files["film"].stat().st_size > 500
-    assert "sphere cover" in text and "Python 3.11" in text
+    run(RunRequest(map_dir, "reach", seconds=2.0, out=tmp_path / "new"))
+    for ending in (".gif", "_latency.png", ".json"):
+        assert (tmp_path / "new" / f"reach{ending}").stat().st_size > 500
+    assert "sphere cover" in (said := capsys.readouterr().out) and "3.11" in said
 
 
 def test_the_world_is_the_plain_one_where_pybullet_is_missing(map_dir, monkeypatch):

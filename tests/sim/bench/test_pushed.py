@@ -12,8 +12,16 @@ from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, ThreatSettings
 from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
 from roadmap.motion.blending import joint_motion_bounds
+from sim.bench.pushed import (
+    KINDS,
+    PushedLoop,
+    PushedRobot,
+    Pushes,
+    PushSettings,
+    mechanical_stop,
+    run_pushed,
+)
 from sim.loop.loop import LoopSettings, run_loop
-from sim.loop.pushed import KINDS, PushedRobot, Pushes, PushSettings, mechanical_stop
 from sim.people.human_motion import make_motion, motion_names
 from sim.people.scenes import SCENES, before_work_places
 
@@ -319,10 +327,10 @@ def played(small_map, name, pushed, seconds=4.0, execution="timed", on_frame=Non
         person = make_motion(name, 0)
         person = before_work_places(person, planner.robot, PLACES)
     settings = LoopSettings(duration_s=seconds, execution=execution)
-    return run_loop(
-        planner, planner.robot, PLACES, person, settings, on_frame=on_frame,
-        pushed=pushed,
-    )  # fmt: skip
+    given = planner, planner.robot, PLACES, person, settings
+    if pushed is None:
+        return run_loop(*given, on_frame)
+    return run_pushed(PushedLoop(*given, pushed), on_frame)
 
 
 @pytest.mark.parametrize("name", [n for n in motion_names() if n not in SCENES])
