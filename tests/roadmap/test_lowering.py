@@ -1,5 +1,6 @@
 """Elements and variables in fewer instructions: the same answers."""
 
+import gc
 from typing import NamedTuple
 
 import numpy as np
@@ -269,6 +270,7 @@ def test_arrays_of_groups_are_counted_one_by_one():
     loop, nest = njit(**FULL | FRESH)(_member), _nest()
     on = _nrt_python.memsys_stats_enabled()
     _nrt_python.memsys_enable_stats()
+    gc.collect()  # what other tests left behind is not freed meanwhile
     before = rtsys.get_allocation_stats()
     for k in (0, 1, 2, 0, 3):
         assert np.array_equal(loop(nest, k), _member(nest, k))

@@ -13,7 +13,15 @@ from typer.testing import CliRunner
 
 import sim.cli
 from sim.run.request import RunRequest
-from sim.terminal.flags import Json, argument, flag, flags_of, from_request, given
+from sim.terminal.flags import (
+    Json,
+    argument,
+    flag,
+    flags_of,
+    from_request,
+    is_given,
+    of_panels,
+)
 
 
 @dataclass(frozen=True)
@@ -72,8 +80,10 @@ def test_flags_know_their_names_and_which_of_a_panel_were_given():
         "file": "--file", "width": "--width", "tall": "--tall", "names": "--name",
         "json": "--json",
     }  # fmt: skip
-    assert given(Request(Path("a"), None, True), "Sizes") == ["--tall"]
-    assert given(Request(Path("a")), "Others") == []
+    request = Request(Path("a"), None, True)
+    assert of_panels(request, "Sizes") == ["width", "tall"]
+    assert of_panels(request, "Others") == []
+    assert is_given(request, "tall") and not is_given(request, "names")
 
 
 @pytest.mark.parametrize("kind", list(requests()), ids=lambda kind: kind.__name__)
