@@ -151,8 +151,8 @@ class Seen:
         loose: Whether the object is a thing by itself: it is seen, not held, and
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
-        instead: How much farther than that hand the person's other one is held out,
-            compared with the first frame [m].
+        instead: How far the person's other hand is held out, and farther than that
+            one, compared with the first frame [m].
         T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
             place of late [m]; None: it is not seen.
         object_speed: [m/s].
@@ -291,7 +291,7 @@ class Sight:
         self.side, self._parts = side, None
 
     def _instead(self, rows: np.ndarray, labels: np.ndarray) -> float:
-        """Return how much farther out than the hand expected the other one is [m].
+        """Return how far out the other hand is, and farther than the one expected [m].
 
         Out is toward the robot's base, across gravity, from where it was at first.
         """
@@ -303,7 +303,8 @@ class Sight:
             off = _center(hand) - _center(torso)
             began = self._began.setdefault(side, off)
             come[side] = self._far(_center(torso) + began) - self._far(_center(hand))
-        return come[OTHER_SIDE[self.side]] - come[self.side]
+        other = come[OTHER_SIDE[self.side]]
+        return other - max(0.0, come[self.side])
 
     def _far(self, place: np.ndarray) -> float:
         """Return how far a place (3,) is from the base's origin, across gravity [m]."""

@@ -543,9 +543,10 @@ class Handover:
         return gap < s.near and (gap < s.comes or self._farthest - gap >= s.comes)
 
     def _hand_instead(self, seen: Seen) -> bool:
-        """Whether it is the other hand that comes; nobody pulls at the object yet."""
-        comes = seen.instead > self.conduct.instead
-        return self._give and comes and not self._pull.pulls
+        """Whether it is the other hand that comes; the expected one is not there."""
+        far = self.conduct.instead
+        is_there = seen.hand_gap < far or self._pull.pulls
+        return self._give and seen.instead > far and not is_there
 
     def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""

@@ -68,8 +68,8 @@ class ConductSettings(CheckedSettings):
         stands: A robot slower than this in all joints stands [rad/s or m/s].
         gone_s: A hand that was away for so long has gone [s].
         instead: The person's other hand takes part from now on once it has been held
-            out farther than the one that did by this, toward the robot's base [m], for
-            `gone_s`.
+            out toward the robot's base by this, and by as much farther than the one
+            that did, for `gone_s` [m]; not while that one is so near to the object.
         expected: Times ahead at which new paths keep clear of the person [s].
         untouched: Times, longest first: within the first of them in which nobody can
             reach a resting object, it is not expected to move [s].

@@ -123,14 +123,16 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
-@pytest.mark.parametrize("out, side", [
-    (["left"], "left"), (["right"], "right"), (["left", "right"], "right")
+@pytest.mark.parametrize("lifted, side", [
+    ({"left": 60}, "left"), ({"right": 60}, "right"),
+    ({"left": 60, "right": 60}, "right"), ({"right": -40}, "right"),
 ])  # fmt: skip
-def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, out, side):
+def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, side):
     story, human = story_of(maps)
     reaching = human
-    for one in out:
-        reaching = reaching.with_arm(one, np.radians([60, 0, 0, 60, 0, 0, 0]))
+    for one, angle in lifted.items():
+        elbow = max(angle, 0)
+        reaching = reaching.with_arm(one, np.radians([angle, 0, 0, elbow, 0, 0, 0]))
 
     def look(story, now, opened, closed):
         who = human if now < 3.0 else reaching
