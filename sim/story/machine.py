@@ -95,7 +95,6 @@ GIVE = (
     Row(APPROACH, "lost", RETREAT, "the object was dropped on the way", True),
     Row(APPROACH, "pulled", WAIT, "somebody pulls on the way: it stands", True),
     Row(APPROACH, "arrived", PRESENT, "at the best place in reach"),
-    Row(APPROACH, "other_hand", APPROACH, "the other hand is held out: it goes there"),
     Row(APPROACH, "hindered", PUT_DOWN,
         "slowed for the person, it ran out of time", True),
     Row(APPROACH, "under_way", PUT_DOWN, "its way took longer than it may", True),
