@@ -11,6 +11,7 @@ from odm.audit.audit_library import (
     FAMILIES,
     SHARP,
     Specimen,
+    as_frames_sample,
     draw_specimens,
     library_of,
 )
@@ -232,7 +233,8 @@ def audit(
     with covering radius rho: an arm, needles, rods, plates, boxes, cylinders, balls
     down to 5 mm, meshes; it comes in towards a random point of a random link. About
     half of the obstacles are moved by bisection until the map just calls the motion
-    free; there the true separation of the solids must be at least m.
+    free; there the true separation of the solids must be at least m. Where cells are
+    asked, every other obstacle has the samples that a frame makes of shapes.
 
     Args:
         cell_map: The map.
@@ -257,6 +259,11 @@ def audit(
     n_specimens = int(np.clip(pairs // 500, 3 * len(FAMILIES), 30 * len(FAMILIES)))
     rng = np.random.default_rng([seed, 1])
     specimens = draw_specimens(n_specimens, cell_map.safety.rho, rng)
+    if not close:  # every other one as shapes
+        shapes = as_frames_sample(specimens[1::2], cell_map)
+        specimens = tuple(
+            shapes[k // 2] if k % 2 else one for k, one in enumerate(specimens)
+        )
     auditor = Auditor(cell_map, seed, close, specimens)
     totals = Totals(auditor)
     try:

@@ -1,18 +1,22 @@
 """Obstacles that try to slip through a map: sharp, thin, small, and badly sampled.
 
 Every sampling here is legal: its covering radius is at most the map's rho. Many are as
-bad as legal allows: a hole of that size lies where the obstacle meets the robot.
+bad as legal allows: a hole of that size lies where the obstacle meets the robot. The
+samples by which a frame marks the cells of shapes are attacked as well.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from odm.audit._audit import Library
 from odm.audit.exact import gather, shape_parts
+from odm.cell_map.cell_map import CellMap
 from odm.obstacles import shapes as solid
 from odm.obstacles.mesh_surface import cover_densely
+from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.surfaces import sample_capsules, surface_of
+from odm.planner.planner import ReactivePlanner
 from roadmap.transforms import moved_points
 
 FAMILIES = (
@@ -51,6 +55,18 @@ def draw_specimens(
 def draw_arms(n: int, rho: float, rng: np.random.Generator) -> tuple[Specimen, ...]:
     """Return `n` two-capsule arms, sampled for covering radius rho."""
     return tuple(_arm(rho, rng) for _ in range(n))
+
+
+def as_frames_sample(
+    specimens: tuple[Specimen, ...], cell_map: CellMap
+) -> tuple[Specimen, ...]:
+    """Return obstacles with the samples by which a frame marks their shapes' cells."""
+    planner, found = ReactivePlanner(cell_map), []
+    planner.memory.patterns.near[3] = np.inf  # all of them, wherever the grid ends
+    for one in specimens:
+        planner.step(Obstacles.of(one.shapes), q=cell_map.roadmap.nodes[0])
+        found.append(replace(one, points=planner.points.copy()))
+    return tuple(found)
 
 
 def library_of(specimens: tuple[Specimen, ...]) -> Library:

@@ -8,7 +8,7 @@ from odm._groups import new
 from odm.audit import _clearance as kernels
 from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
-from odm.audit.audit_library import draw_arms
+from odm.audit.audit_library import Specimen, as_frames_sample, draw_arms
 from odm.audit.exact import gather
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.chunk_work import at_rest, swept_cells
@@ -40,14 +40,16 @@ class ClearanceOverhead:
 
     `by_cells` is d3 - m (nodes) and `by_close_test` is d2 - m, `edge_by_cells` and
     `edge_by_close_test` the same on edges. `by_shapes` and `edge_by_shapes` are of the
-    close test of the arm as capsules, exactly as far as it is. m itself is no overhead
-    and is listed apart.
+    close test of the arm as capsules, exactly as far as it is; `by_shape_cells` and
+    `edge_by_shape_cells` of the cells of those samples that a frame makes of them. m
+    itself is no overhead and is listed apart.
 
     Attributes:
         terms: Term -> (mean, median, 95 %) [m].
         by_cells, by_close_test: The whole overhead on nodes [m].
         edge_by_cells, edge_by_close_test: The whole overhead on edges [m].
         by_shapes, edge_by_shapes: The whole overhead where obstacles are shapes [m].
+        by_shape_cells, edge_by_shape_cells: The same where cells alone are asked [m].
         m: Clearance [m].
         lines, edge_lines: Approaches that counted.
     """
@@ -59,6 +61,8 @@ class ClearanceOverhead:
     edge_by_close_test: tuple[float, float, float]
     by_shapes: tuple[float, float, float]
     edge_by_shapes: tuple[float, float, float]
+    by_shape_cells: tuple[float, float, float]
+    edge_by_shape_cells: tuple[float, float, float]
     m: float
     lines: int
     edge_lines: int
@@ -81,8 +85,24 @@ def clearance_overhead(
             f"the map {cell_map.recipe.name} has no edges to measure a clearance of; "
             "build it with more nodes or neighbors"
         )
-    safety = cell_map.safety
-    arms = draw_arms(40, safety.rho, np.random.default_rng([seed, 1]))
+    arms = draw_arms(40, cell_map.safety.rho, np.random.default_rng([seed, 1]))
+    nodes, edges = _distances(cell_map, seed, arms, (n, n_edges))
+    arms = as_frames_sample(arms, cell_map)
+    node_cells, edge_cells = (
+        found[:, [column]]
+        for found, column in zip(
+            _distances(cell_map, seed, arms, (n, n_edges)), (3, 2), strict=True
+        )
+    )
+    both = np.hstack([nodes, node_cells]), np.hstack([edges, edge_cells])
+    return _summary(*both, cell_map.safety.m)
+
+
+def _distances(
+    cell_map: CellMap, seed: int, arms: tuple[Specimen, ...], wanted: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return at which distance each test gives nodes (n, 5) and edges (k, 4) up [m]."""
+    safety, (n, n_edges) = cell_map.safety, wanted
     cells, close = (Auditor(cell_map, seed, c, specimens=arms) for c in (False, True))
     cloud = cell_map.grid.new_cloud(int(np.diff(cells.library.point_ptr).max()))
     robot = cell_map.robot
@@ -110,14 +130,14 @@ def clearance_overhead(
     kernels.edge_overheads(
         audited, asks, cells.solids, cells.library, pairs, still, edges
     )
-    return _summary(nodes, edges, safety.m)
+    return nodes, edges
 
 
-def _summary(nodes, edges, m) -> ClearanceOverhead:
+def _summary(nodes: np.ndarray, edges: np.ndarray, m: float) -> ClearanceOverhead:
     nodes = nodes[np.isfinite(nodes).all(axis=1)]
     edges = edges[np.isfinite(edges).all(axis=1)]
-    d0, d1, d2, d3, shapes = nodes.T
-    close, still, cells, edge_shapes = edges.T
+    d0, d1, d2, d3, shapes, shape_cells = nodes.T
+    close, still, cells, edge_shapes, edge_shape_cells = edges.T
     steps = (d1 - d0, d2 - d1, d3 - d2, cells - still)
     return ClearanceOverhead(
         terms={name: _stats(s) for name, s in zip(TERMS, steps, strict=True)},
@@ -127,6 +147,8 @@ def _summary(nodes, edges, m) -> ClearanceOverhead:
         edge_by_close_test=_stats(close - m),
         by_shapes=_stats(shapes - m),
         edge_by_shapes=_stats(edge_shapes - m),
+        by_shape_cells=_stats(shape_cells - m),
+        edge_by_shape_cells=_stats(edge_shape_cells - m),
         m=m,
         lines=len(nodes),
         edge_lines=len(edges),

@@ -1,7 +1,20 @@
 """Shapes of a frame into solids and into the samples that mark their cells.
 
-The samples of a shape have a proved covering radius: `rho` of the map, or for capsules
-and spheres the larger one that needs no more than rho (`surfaces.rounded_covering`).
+A ball of radius b or more that meets a shape K must have a sample within b + rho of its
+centre, b being the map's smallest sphere plus m. Samples on the surface do that, rho
+apart; but they mark cells nearer to the robot than they must. So they lie deeper, on a
+smaller shape K' within K. Let no point of K be farther than `deep` from K', c be a
+point at most b from K, and x the nearest point of K' to c: |c - x| <= far = b + deep.
+Where a sample p is at most t from x,
+
+    |p - c|^2 = |c - x|^2 + |p - x|^2 - 2 (p - x).(c - x) <= far^2 + t^2 (1 + far / a)
+
+if K' is a union of balls of radius a (as `surfaces.rounded_covering` shows), or x and p
+are on one circle of radius a, as on a cylinder's rim. Where x and p are on one flat
+face, or one straight edge, 1 / a is 0. So t^2 (1 + far / a) <= (b + rho)^2 - far^2 is
+enough, for larger balls, too, if t^2 <= 2 a (rho - deep); or simply t <= rho - deep. A
+mesh has its samples on its surface, rho apart.
+
 Patterns of points around a rod depend on its radius alone, so they are kept from frame
 to frame; they are a function of the frame all the same.
 """
@@ -28,6 +41,8 @@ LARGEST = 1000.0  # [m] a size beyond is in another unit
 POSED = 2.0  # key of what has no pattern
 WIDEST = 5.0  # [m] a radius beyond is in another unit, or a wall
 RIGID = 1e-5  # a rotation may be off by so much; it is made exact
+DEPTH = 0.5  # share of rho by which samples lie below the surface of a shape
+THIN = 0.8  # a rod whose radius is no larger share of rho has them on its axis
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
@@ -38,7 +53,8 @@ class Patterns(NamedTuple):
     key: np.ndarray = array("f8", "shapes 3", FRAME, -1)
     begin: np.ndarray = array("i8", "shapes+1", FRAME)  # of its rows
     size: np.ndarray = array("i8", "shapes 2", FRAME)  # points of a ring, of a cap
-    step: np.ndarray = array("f8", "shapes", FRAME)  # between two rings, at most
+    # between two rings, at most; and how far within its ends a cylinder's are
+    step: np.ndarray = array("f8", "shapes 2", FRAME)
     rows: np.ndarray = array("f8", "patterns 3", FRAME)  # two rings, and a cap
     rod: np.ndarray = array("f8", "6", FRAME)  # from 0 along an axis
     frame: np.ndarray = array("f8", "3 3", FRAME)  # its normals and axis
@@ -223,14 +239,19 @@ def turn(T, row, at, whole):
 
 
 @njit(**INNER)
-def rod_spacing(radius, rho, ball):
-    """Return the covering radius that a capsule's samples may have, rho or more [m].
+def inset_rod(flat, radius, rho, ball):
+    """Return how deep a rod's samples lie below its side, and how far apart [m].
 
-    The inverse of `surfaces.rounded_covering`: against balls of this size and larger
-    ones they need no more than rho.
+    The second is their covering radius on the smaller rod, `flat`-ended or round.
     """
-    far = math.sqrt(rho * (2.0 * ball + rho) / (1.0 + ball / radius))
-    return max(rho, min(far, 2.0 * radius * SHRINK))
+    if radius <= THIN * rho:
+        return radius, SHRINK * math.sqrt((ball + rho) ** 2 - (ball + radius) ** 2)
+    depth = DEPTH * rho
+    deep = math.sqrt(2.0) * depth if flat else depth
+    inner, far = radius - depth, ball + deep
+    reach2 = ((ball + rho) ** 2 - far * far) / (1.0 + far / inner)
+    reach = math.sqrt(min(reach2, 2.0 * inner * (rho - deep)))
+    return depth, SHRINK * max(rho - deep, reach)
 
 
 @njit(**INNER)
@@ -248,33 +269,33 @@ def lay_patterns(solids, patterns):
                 begin[n + 1] = begin[n]
             continue
         flat = kind == CYLINDER
-        rho = patterns.rho[0]
-        if not flat:
-            rho = rod_spacing(radius, rho, patterns.ball_least[0])
-        rho *= SHRINK
+        depth, rho = inset_rod(flat, radius, patterns.rho[0], patterns.ball_least[0])
         key = patterns.key[n]
         told = 1.0 if flat else 0.0
         if valid and key[0] == told and key[1] == radius and key[2] == rho:
             continue
         valid = forget_patterns(patterns, n)
-        k, step = best_ring(radius, rho)
-        start = begin[n] + 2 * k
-        cap = walk_cap(flat, k, rho / radius, rows[:0], 0)
+        inner = radius - depth
+        k, step = best_ring(inner, rho)
+        start, cap = begin[n] + 2 * k, 0
+        if inner > 0.0:
+            cap = walk_cap(flat, k, rho / inner, rows[:0], 0)
         if start + cap > rows.shape[0]:
             return NO_ROOM
         for j in range(2 * k):
             # the second ring is turned by half a step against the first
             angle = math.pi * (2.0 * j / k if j < k else (2.0 * (j - k) + 1.0) / k)
-            rows[begin[n] + j, 0] = radius * math.cos(angle)
-            rows[begin[n] + j, 1] = radius * math.sin(angle)
+            rows[begin[n] + j, 0] = inner * math.cos(angle)
+            rows[begin[n] + j, 1] = inner * math.sin(angle)
             rows[begin[n] + j, 2] = 0.0
         if cap > 0:
-            walk_cap(flat, k, rho / radius, rows, start)
+            walk_cap(flat, k, rho / inner, rows, start)
         for j in range(start, start + cap):
             for a in range(3):
-                rows[j, a] *= radius
+                rows[j, a] *= inner
         patterns.size[n, 0], patterns.size[n, 1] = k, cap
-        patterns.step[n] = step
+        patterns.step[n, 0] = step
+        patterns.step[n, 1] = depth if flat and inner > 0.0 else 0.0
         begin[n + 1] = start + cap
         key[0], key[1], key[2] = told, radius, rho
     return FINE
@@ -319,7 +340,7 @@ def write_samples(solids, patterns, points, n):
                     points[n, a] = solids.rows[k, a]
             n += 1
         elif kind == BOX:
-            n = write_box(solids.rows[k], center, reach, patterns.rho[0], points, n)
+            n = write_box(solids.rows[k], patterns, points, n)
         elif kind == MESH:
             n = write_mesh(solids, k, patterns, points, n)
         else:
@@ -347,18 +368,19 @@ def write_rod(solids, k, patterns, center, reach, points, n):
     first = patterns.begin[k]
     ax, ay, az = row[0], row[1], row[2]
     if solids.kind[k] == CYLINDER:
-        ax -= row[7] * row[3]
-        ay -= row[7] * row[4]
-        az -= row[7] * row[5]
+        length = max(0.0, length - 2.0 * patterns.step[k, 1])
+        ax -= 0.5 * length * row[3]
+        ay -= 0.5 * length * row[4]
+        az -= 0.5 * length * row[5]
     wx, wy, wz = center[0] - ax, center[1] - ay, center[2] - az
     middle = wx * frame[2, 0] + wy * frame[2, 1] + wz * frame[2, 2]
     rest = wx * wx + wy * wy + wz * wz - middle * middle
     # what is in reach is no farther along the axis, and its samples hardly farther
     wide = math.sqrt(max(0.0, (reach + radius) ** 2 - rest))
-    wide += patterns.step[k] + radius
+    wide += patterns.step[k, 0] + radius
     gaps = 0
     if length > 0.0:
-        gaps = max(1, int(math.ceil(length / patterns.step[k])))
+        gaps = max(1, int(math.ceil(length / patterns.step[k, 0])))
     gap = length / max(1, gaps)
     low, high = 0, gaps
     # of a rod that is in reach as a whole, which most are, neither is asked
@@ -442,40 +464,52 @@ def write_mesh(solids, k, patterns, points, n):
 
 
 @njit(**INNER)
-def write_box(row, center, reach, rho, points, n):
-    """Write the samples of a box's faces, in reach; see `write_samples`.
+def box_step(rho, ball):
+    """Return how far apart samples of a box may be along its edges [m].
 
-    A point in the middle of each of n x m equal rectangles of a face reaches their
-    corners.
+    They are the places of a grid on a box that is smaller by DEPTH rho on each side:
+    its corners, those of its edges, at most half a step from any place of them, and
+    those of its faces, at most half a diagonal.
     """
-    rho *= SHRINK
+    far = ball + rho
+    edge2 = far * far - (ball + math.sqrt(2.0) * DEPTH * rho) ** 2
+    face2 = far * far - (ball + DEPTH * rho) ** 2
+    return SHRINK * math.sqrt(min(4.0 * edge2, 2.0 * face2))
+
+
+@njit(**INNER)
+def write_box(row, patterns, points, n):
+    """Write the samples of a box, in reach; see `write_samples` and `box_step`.
+
+    A place on several faces is one of the first of these.
+    """
+    center, reach, rho = patterns.near[:3], patterns.near[3], patterns.rho[0]
+    step = box_step(rho, patterns.ball_least[0])
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
-        half_u, half_v = row[12 + u], row[12 + v]
-        n_u = max(1, int(math.ceil(math.sqrt(2.0) * half_u / rho)))
-        step_u = 2.0 * half_u / n_u
-        n_v = half_v / math.sqrt(rho * rho - 0.25 * step_u * step_u)
-        n_v = max(1, int(math.ceil(n_v)))
-        step_v = 2.0 * half_v / n_v
+        half, ends, _ = box_places(row, axis, rho, step)
+        half_u, n_u, gap_u = box_places(row, u, rho, step)
+        half_v, n_v, gap_v = box_places(row, v, rho, step)
         along = u_at = v_at = 0.0  # the centre, seen from the box
         for a in range(3):
             off = center[a] - row[a]
             along += off * row[3 + 3 * a + axis]
             u_at += off * row[3 + 3 * a + u]
             v_at += off * row[3 + 3 * a + v]
-        for side in range(2):
-            height = row[12 + axis] if side == 1 else -row[12 + axis]
+        for side in range(min(2, 1 + ends)):
+            height = half if side == 1 else -half
             slack = reach * reach - (height - along) ** 2
             if slack <= 0.0:
                 continue
-            wide = math.sqrt(slack) + rho
-            first_u, last_u = cells_in_reach(u_at, wide, half_u, step_u, n_u)
-            first_v, last_v = cells_in_reach(v_at, wide, half_v, step_v, n_v)
-            for i in range(first_u, last_u):
-                x = (i + 0.5) * step_u - half_u
-                for j in range(first_v, last_v):
+            wide = math.sqrt(slack)
+            # what belongs to the faces of an axis before this one is left out
+            first_u, last_u = in_reach(u_at + half_u, wide, gap_u, n_u, u < axis)
+            first_v, last_v = in_reach(v_at + half_v, wide, gap_v, n_v, v < axis)
+            for i in range(first_u, last_u + 1):
+                x = i * gap_u - half_u
+                for j in range(first_v, last_v + 1):
                     if n < points.shape[0]:
-                        y = (j + 0.5) * step_v - half_v
+                        y = j * gap_v - half_v
                         for a in range(3):
                             at = 3 + 3 * a
                             points[n, a] = row[a] + height * row[at + axis]
@@ -485,8 +519,21 @@ def write_box(row, center, reach, rho, points, n):
 
 
 @njit(**INNER)
-def cells_in_reach(middle, wide, half, step, n):
-    """Return the first and one past the last of n steps that touch middle +- wide."""
-    low = int(math.floor((max(-half, min(half, middle - wide)) + half) / step))
-    high = int(math.floor((max(-half, min(half, middle + wide)) + half) / step)) + 1
-    return max(0, min(low, n)), max(0, min(high, n))
+def box_places(row, axis, rho, step):
+    """Return half the length of a box's samples along an axis, gaps, and one gap."""
+    half = max(0.0, row[12 + axis] - DEPTH * rho)
+    gaps = int(math.ceil(2.0 * half / step))
+    return half, gaps, 2.0 * half / max(1, gaps)
+
+
+@njit(**INNER)
+def in_reach(middle, wide, gap, n, within):
+    """Return the first and the last of places 0 to n, `gap` apart, in middle +- wide.
+
+    `within`: of those between the two ends alone.
+    """
+    low, high = (1, n - 1) if within else (0, n)
+    if gap > 0.0:
+        low = max(low, int(math.ceil(max(-1.0, (middle - wide) / gap))))
+        high = min(high, int(math.floor(min(n + 1.0, (middle + wide) / gap))))
+    return low, high

@@ -111,8 +111,12 @@ def _overhead_facts(cell_map: CellMap, tell: Progress) -> dict:
     whole = {
         "nodes, cells": overhead.by_cells,
         "nodes, close test": overhead.by_close_test,
+        "nodes, cells of shapes": overhead.by_shape_cells,
+        "nodes, close test of shapes": overhead.by_shapes,
         "edges, cells": overhead.edge_by_cells,
         "edges, close test": overhead.edge_by_close_test,
+        "edges, cells of shapes": overhead.edge_by_shape_cells,
+        "edges, close test of shapes": overhead.edge_by_shapes,
     }
     rows = {**overhead.terms, **whole}
     return {

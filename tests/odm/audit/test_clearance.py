@@ -38,6 +38,10 @@ def test_no_term_takes_more_than_it_may(overhead, small_map):
     assert overhead.terms["cover"][0] - 1.1e-3 <= overhead.by_shapes[0]
     assert overhead.by_shapes[0] <= overhead.terms["cover"][0] + 2e-3
     assert overhead.edge_by_shapes[0] < overhead.edge_by_close_test[0] - 0.01
+    # a frame's samples of them lie below the surface: their cells block later
+    assert overhead.by_shapes[0] < overhead.by_shape_cells[0]
+    assert overhead.by_shape_cells[0] < overhead.by_cells[0] - 0.01
+    assert overhead.edge_by_shape_cells[0] < overhead.edge_by_cells[0] - 0.01
     assert overhead.as_dict()["m"] == safety.m
 
 
