@@ -13,11 +13,14 @@ from odm import ReactivePlanner
 from odm.cell_map.cell_map import CellMap
 from sim.bench.clock import Clock, time_row
 from sim.bench.frames import Pair
+from sim.bench.rivals.lengths import first_and_improved
+from sim.bench.rivals.ompl import length
 from sim.bench.rivals.peer_cases import Case, Frame
 from sim.bench.rivals.peer_vamp import Vamp, VampMissing
 from sim.tables.table import value_row
 
 PASSES = 3
+LENGTHS_EVERY = 50  # frames between two whose paths' lengths are compared
 # times faster than VAMP simplified; than VAMP raw and its check, at each share
 FASTER, AHEAD = {50: 5.0, 99: 2.5}, 1.0
 _OURS, _OURS_KEPT = "every frame replanned", "path kept while it is free"
@@ -51,8 +54,33 @@ def beside_vamp(cell_map: CellMap, drawn: list[Pair], across: list[Pair]) -> lis
         _CHECK: lambda pair, clock: _theirs(simplified, pair, clock, keeps=True),
     }
     these, others = _least(runners, drawn), _least(runners, across)
-    rows = _rows("these frames", these, asks=True)
-    return rows + _rows("straight motion blocked", others, asks=False)
+    rows = _rows("these frames", these, asks=True) + _lengths(
+        planners[1], simplified, drawn, asks=True
+    )
+    rows += _rows("straight motion blocked", others, asks=False)
+    return rows + _lengths(planners[1], simplified, across, asks=False)
+
+
+def _lengths(
+    planner: ReactivePlanner, vamp: Vamp, pairs: list[Pair], asks: bool
+) -> list:
+    """Return rows of the lengths of paths: the first, the improved, VAMP's [rad]."""
+    found = []
+    for pair in pairs:
+        for k in range(0, len(pair.capsules), LENGTHS_EVERY):
+            frame = Frame(pair.capsules[k])
+            vamp.begin(Case("", pair.q_start, pair.q_goal, (frame,), ()))
+            ours = first_and_improved(planner, pair, k)
+            found.append((*ours, length(vamp.path(frame))))
+    lengths = np.array([row for row in found if min(row) > 0.0]).reshape(-1, 3)
+    first, improved, its = np.median(lengths, axis=0)
+    most = float(its) if asks else None
+    note = f"medians, {len(lengths)} frames, rad"
+    return [
+        value_row("... path length, first answer", first, "", note),
+        value_row("... path length, improved", improved, "", most=most),
+        value_row(f"... path length, {_SIMPLIFIED}", its, ""),
+    ]
 
 
 def _least(runners: dict[str, Callable], pairs: list[Pair]) -> dict[str, np.ndarray]:

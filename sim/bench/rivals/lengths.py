@@ -29,13 +29,13 @@ def compared(cell_map: CellMap, pairs: list[Pair], seed: int = 1) -> list[dict]:
     except OmplMissing:
         return [value_row(f"{name}: OMPL is not installed", float("nan"), "")]
     planner, found = ReactivePlanner(cell_map), []
-    _paths(planner, pairs[0], 0)  # compiled, and warm
+    first_and_improved(planner, pairs[0], 0)  # compiled, and warm
     for pair in pairs:
         for share in _FRAMES:
             k = max(0, round(share * len(pair.capsules)) - 1)
             its = other.solve(pair, pair.capsules[k], OMPL_S)
             if its is not None:
-                found.append((*_paths(planner, pair, k), length(its)))
+                found.append((*first_and_improved(planner, pair, k), length(its)))
     first, better, its = np.array(found, float).reshape(-1, 3).T
     mine, solved = first > 0.0, np.maximum(first, better) > 0.0
     better = np.where(better > 0.0, better, first)
@@ -52,7 +52,9 @@ def compared(cell_map: CellMap, pairs: list[Pair], seed: int = 1) -> list[dict]:
     ]  # fmt: skip
 
 
-def _paths(planner: ReactivePlanner, pair: Pair, k: int) -> tuple[float, float]:
+def first_and_improved(
+    planner: ReactivePlanner, pair: Pair, k: int
+) -> tuple[float, float]:
     """Return how long the first answer to frame k is and the improved one; 0: none."""
     ask, q, spent = pair.asked()[k], pair.q_start, 0
     planner.set_goals([pair.q_goal])
