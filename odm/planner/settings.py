@@ -182,6 +182,8 @@ class SmoothingSettings(CheckedSettings):
         speed_share: Share of the joints' speed limits that the robot will use.
         kept_s: The part of the path that is reached within this time stays [s].
         draws: Changes weighed for each one that is tested, which costs far more.
+        min_cut: Share of the rest's length that one of the largest cuts must save.
+        cut_looks: Of these so many that the frame blocks count as one test.
         min_detour: A rest that is shorter, over the straight motion to the goal, stays.
         retry_frames: Frames until a straight motion that was blocked is tested again.
         corners: Corners of the roadmap at which it is measured what rounding gains.
@@ -192,6 +194,8 @@ class SmoothingSettings(CheckedSettings):
     speed_share: float = setting(0.5, 0.01, 1.0)
     kept_s: float = setting(0.05, 0.0, 10.0, "s")
     draws: int = setting(40, 1, 10_000)
+    min_cut: float = setting(0.02, 0.0, 1.0)
+    cut_looks: int = setting(8, 1, 10_000)
     min_detour: float = setting(1.1, 1.0, 100.0)
     retry_frames: int = setting(8, 1, 10_000)
     corners: int = setting(128, 1, 10_000)

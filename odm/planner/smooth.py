@@ -10,6 +10,7 @@ keep their cells with them, so that later frames judge them as they judge an edg
 are not where the obstacles have lately been.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,7 +22,9 @@ from odm.planner.attaching import Attacher
 from odm.planner.path import CandidatePath
 from odm.planner.saved_memory import Remembering
 from odm.planner.settings import PlannerSettings, SmoothingSettings
+from odm.search import _judge as judge
 from odm.search import _recent as recent
+from odm.search._state import NO_ITEM
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import (
@@ -33,6 +36,7 @@ from roadmap.motion.blending import (
 )
 from roadmap.robot.robot import Robot
 
+MOST_CUTS = 200  # of a path that are looked at, the largest first
 _GAIN_DEVIATION, _GAIN_LENGTH = 0.004, 10.0  # [m] allowed there, and of endless legs
 
 
@@ -79,7 +83,7 @@ class Change(NamedTuple):
 class Smoother(Remembering):
     """Tests changes of the candidate path, in a fixed order."""
 
-    REMEMBERED = ("_drawn", "_next")
+    REMEMBERED = ("_drawn", "_next", "_cut_of", "_cuts_seen")
 
     def __init__(
         self,
@@ -112,6 +116,8 @@ class Smoother(Remembering):
         """Begin the order of the changes again."""
         self._drawn = 0
         self._next = 0  # frame of the next look for a straight motion
+        # vertices of the path whose largest cuts are looked at, and how many were
+        self._cut_of, self._cuts_seen = b"", 0
 
     def look_straight(self) -> None:
         """Look for a straight motion at once: there are other goals."""
@@ -143,6 +149,59 @@ class Smoother(Remembering):
             return -1
         self._next = now + self.settings.retry_frames
         return self._try(change)
+
+    def cut(self, budget: int, ahead: np.ndarray | None = None) -> tuple[int, int]:
+        """Replace by straight motions what that shortens most; see `_cuts`.
+
+        A path over a roadmap is mostly shortened by a third at once. Each cut takes a
+        test of the budget, and so do `cut_looks` that the frame does not leave free,
+        which cost far less.
+
+        Returns:
+            How many changes were made, and what is left of the budget.
+        """
+        made, looks, last = 0, 0, len(self.path) - 1
+        while budget > 0 and last >= 2 and self._begin(ahead):
+            vertices = self.path.vertex[self._at : last + 1].tobytes()
+            if vertices != self._cut_of:
+                self._cut_of, self._cuts_seen = vertices, 0
+            done = 0
+            for change in self._cuts(self._cuts_seen):
+                self._cuts_seen, looks = self._cuts_seen + 1, looks + 1
+                done = self._try(change)
+                budget -= done or looks % self.settings.cut_looks == 0
+                if done or budget <= 0:
+                    break
+            else:
+                self._cuts_seen = MOST_CUTS  # no more of this path
+                break
+            made, last = made + done, len(self.path) - 1
+        return made, budget
+
+    def _cuts(self, first: int) -> Iterator[Change]:
+        """Yield straight motions between places of the path, what saves most first.
+
+        The places are its corners, and the middles of its segments, from where it is
+        to stay. The `first` of them are left out, and all behind MOST_CUTS.
+        """
+        if first >= MOST_CUTS:
+            return
+        at, path, n = self._at, self.path, len(self.path)
+        corners = path.q[at:n].copy()
+        corners[0] += self._share * (corners[1] - corners[0])
+        places = np.empty((2 * len(corners) - 1, corners.shape[1]))
+        places[::2], places[1::2] = corners, 0.5 * (corners[:-1] + corners[1:])
+        scaled = places * self.frame.cell_map.roadmap.weights
+        legs = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
+        along = np.r_[0.0, np.cumsum(legs)]
+        a, b = np.triu_indices(len(places), 2)
+        saved = along[b] - along[a] - np.linalg.norm(scaled[b] - scaled[a], axis=1)
+        order = np.argsort(-saved, kind="stable")[first:MOST_CUTS]
+        order = order[saved[order] >= self.settings.min_cut * along[-1]]
+        for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
+            begins = i % 2 == 0 and (i > 0 or self._share == 0.0)
+            ends = at + i // 2, at + j // 2, begins, j % 2 == 0
+            yield Change(*ends, places[[i, j]])
 
     def _turn(self, ahead: np.ndarray | None) -> tuple[int, float]:
         """Return the segment and the share of it from which the robot can turn.
@@ -223,24 +282,41 @@ class Smoother(Remembering):
     def _try(self, change: Change) -> int:
         """Test a change; make it where it is free; return how many were made."""
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
-        legs = list(zip(begin, dq, strict=True))
-        wide = self._clear(legs, self.smoothing_clearance)
-        if not wide:
-            if self._saves(change) < self.settings.min_saving_near or not self._clear(
-                legs, self.history_clearance
-            ):
-                return 0
+        legs, table = list(zip(begin, dq, strict=True)), self.frame.memory.table
+        # the quickest test first: most changes are blocked
+        if not all(judge.close_free(table, q, leg) for q, leg in legs):
+            return 0
+        more = self.smoothing_clearance
+        if self._saves(change) >= self.settings.min_saving_near:
+            more = min(more, self.history_clearance)
+        if not self._clear(legs, more):
+            return 0
         if not all(self.frame.static.motion_free(q, leg) for q, leg in legs):
             return 0
-        self.attacher.tidy()
-        item = self.attacher.sweep(begin, dq)
-        if item < 0 or len(self.path) + 3 >= len(self.path.vertex):
+        if len(self.path) + 3 >= len(self.path.vertex):
             return 0
-        legs = range(item, item + len(begin))
-        if self.history_clearance and any(self.was_hit(leg) for leg in legs):
-            return 0
-        self._make(change, item)
+        items = [NO_ITEM] * len(begin)
+        if self._needs_cells():
+            self.attacher.tidy()
+            item = self.attacher.sweep(begin, dq)
+            if item < 0:
+                return 0
+            items = list(range(item, item + len(begin)))
+            if self.history_clearance and any(self.was_hit(leg) for leg in items):
+                return 0
+        self._make(change, items)
         return 1
+
+    def _needs_cells(self) -> bool:
+        """Whether new legs need their cells: they take longer than all else of it.
+
+        Beside shapes alone the close test judges a leg as quickly. But cells tell
+        whether it is where the obstacles have lately been.
+        """
+        if not self.attacher.can_wait_for_cells:
+            return True
+        table = self.frame.memory.table
+        return bool(self.history_clearance and recent.is_history_left(table))
 
     def _clear(self, legs: list, more: float) -> bool:
         """Whether motions (q, dq) keep so much more distance than they must [m]."""
@@ -260,8 +336,8 @@ class Smoother(Remembering):
         changed = np.vstack([left, change.corners, rest[j + 1 :]])
         return 1.0 - self.time(changed) / self.time(rest)
 
-    def _make(self, change: Change, item: int) -> None:
-        """Lay the new legs, whose cells begin at pool item `item`, into the path."""
+    def _make(self, change: Change, new_items: list[int]) -> None:
+        """Lay the new legs, with their pool items, into the path."""
         path = self.path
         n, i, j = len(path), change.i, change.j
         vertex, q = path.vertex[:n].copy(), path.q[:n].copy()
@@ -280,6 +356,6 @@ class Smoother(Remembering):
                 vertex[j if change.to_vertex else j + 1 :],
             ],
             np.vstack([q[: i + 1], new, q[j if change.to_vertex else j + 1 :]]),
-            [*items[: i + first], *range(item, item + n_legs), *items[j:]],
+            [*items[: i + first], *new_items, *items[j:]],
             [*kept, *[-1] * n_legs, *later],
         )

@@ -294,6 +294,18 @@ def path_crosses_history(state, path):
 
 
 @njit(**LEAN)
+def is_history_left(state):
+    """Return True if there are cells that were occupied lately, not now."""
+    lay_out_recent(state)
+    recent, words = view(state, "recent"), view(state, "cloud").words
+    for k in range(recent.listed[recent.listed.shape[0] - 1]):
+        b = recent.listed[k]
+        if recent.occupied[b] & ~words[b] != 0:
+            return True
+    return False
+
+
+@njit(**LEAN)
 def was_hit(state, item):
     """Return True if a pool item has cells that were occupied lately, not now."""
     lay_out_recent(state)
