@@ -84,10 +84,10 @@ class Cutter:
 class Improver:
     """Betters the path in use between frames, within a budget of tests.
 
-    In this order: what cuts a new path shortest is made; the robot is joined to the
-    roadmap anew where that may help; a better path is searched; the straight motion to
-    the goal is tested; then cuts from corner to corner and changes in between, half of
-    the budget each.
+    In this order: the robot is joined to the roadmap anew where that may help; a better
+    path is searched; what cuts the path shortest is made; the straight motion to the
+    goal is tested; then cuts from corner to corner and changes in between, half of the
+    budget each.
     """
 
     def __init__(
@@ -119,25 +119,27 @@ class Improver:
         self._next = int(saved["look"])
         self.smoother.load(saved)
 
+    def note_search(self) -> None:
+        """Note that this very frame searched a path: to look is left for the next."""
+        self._next = max(self._next, self.frame.number + 1)
+
     def cut(self, budget: int) -> int:
         """Look for cuts only, by which the next search shortens its path."""
         return self.cutter.run(budget)[0]
 
     def run(self, budget: int, ahead: np.ndarray | None) -> int:
         """Spend the budget; return how many changes were made to the candidate."""
-        candidate, smoother = self.candidate, self.smoother
-        candidate.begin()
-        made, budget = smoother.cut(budget, ahead)
-        # what is found then takes the place of the candidate
-        if budget > 0 and not made and self.frame.number >= self._next:
+        candidate, smoother, made = self.candidate, self.smoother, 0
+        if budget > 0 and self.frame.number >= self._next:
             self._next = self.frame.number + self.settings.look_every
             budget -= 1 + self.settings.join_takes * self._join()
             if budget < 0:  # to look is left for the next call
                 self._next = 0
-                candidate.end()
                 return 0
-            made = self._look(ahead)
+            made += self._look(ahead)
         candidate.begin()
+        cuts, budget = smoother.cut(budget, ahead)
+        made += cuts
         if budget > 0:
             straight = smoother.go_straight(ahead)
             budget -= straight >= 0

@@ -665,6 +665,8 @@ class ReactivePlanner:
         if self.always_replan:
             made = self._improver.cut(budget - later)
         else:
+            if self.last is not None and self.last.status == REPLANNED:
+                self._improver.note_search()
             made = self._improver.run(budget - later, ahead)
         if later and connector.lacks_cells:
             later -= connector.sweep_cells(later)

@@ -162,13 +162,16 @@ class Smoother(Remembering):
         """
         made, looks, last = 0, 0, len(self.path) - 1
         while budget > 0 and last >= 2 and self._begin(ahead):
+            self._at, self._share = self._turn(ahead)
+            if self._at >= last - 1:
+                break
             vertices = self.path.vertex[self._at : last + 1].tobytes()
             if vertices != self._cut_of:
                 self._cut_of, self._cuts_seen = vertices, 0
             done = 0
             for change in self._cuts(self._cuts_seen):
                 self._cuts_seen, looks = self._cuts_seen + 1, looks + 1
-                done = self._try(change)
+                done = self._try(change, self.settings.min_saving)
                 budget -= done or looks % self.settings.cut_looks == 0
                 if done or budget <= 0:
                     break
@@ -197,7 +200,7 @@ class Smoother(Remembering):
         a, b = np.triu_indices(len(places), 2)
         saved = along[b] - along[a] - np.linalg.norm(scaled[b] - scaled[a], axis=1)
         order = np.argsort(-saved, kind="stable")[first:MOST_CUTS]
-        order = order[saved[order] >= self.settings.min_cut * along[-1]]
+        order = order[saved[order] > self.settings.min_cut * along[-1]]
         for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
             begins = i % 2 == 0 and (i > 0 or self._share == 0.0)
             ends = at + i // 2, at + j // 2, begins, j % 2 == 0
@@ -279,15 +282,20 @@ class Smoother(Remembering):
         path = np.ascontiguousarray(path, np.float64)
         return smoothing.path_time(path, len(path), *self._terms[:2])
 
-    def _try(self, change: Change) -> int:
-        """Test a change; make it where it is free; return how many were made."""
+    def _try(self, change: Change, min_saving: float = -np.inf) -> int:
+        """Test a change; make it where it is free; return how many were made.
+
+        Not one that saves less than this share of the time for the rest of the path.
+        """
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
         legs, table = list(zip(begin, dq, strict=True)), self.frame.memory.table
         # the quickest test first: most changes are blocked
         if not all(judge.close_free(table, q, leg) for q, leg in legs):
             return 0
-        more = self.smoothing_clearance
-        if self._saves(change) >= self.settings.min_saving_near:
+        more, saves = self.smoothing_clearance, self._saves(change)
+        if saves < min_saving:
+            return 0
+        if saves >= self.settings.min_saving_near:
             more = min(more, self.history_clearance)
         if not self._clear(legs, more):
             return 0
