@@ -277,38 +277,26 @@ def _lit(path: str, folder: Path) -> str:
             names[name] = find_mesh(name, Path(path), (), "it")
         except BadRobot:
             return path  # the library says which it misses, or knows where it is
-    mended = {}
-    for name, file in names.items():
-        data = (
-            with_normals(file.read_bytes()) if file.suffix.lower() == ".stl" else None
-        )
-        if data is not None:
-            mended[name] = folder / f"{len(mended)}.stl"
-            mended[name].write_bytes(data)
-    for name, file in (names | mended).items():
+    for k, (name, file) in enumerate(names.items()):
+        if file.suffix.lower() == ".stl":
+            file = _with_normals(file, folder / f"{k}.stl")
         text = text.replace(f'"{name}"', f'"{file.absolute()}"')
     copy = folder / Path(path).name
     copy.write_text(text, encoding="utf-8")
     return str(copy)
 
 
-_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+def _with_normals(file: Path, target: Path) -> Path:
+    """Write an STL file with its normals; return where it is, if it can be read."""
+    import trimesh
 
-
-def with_normals(data: bytes) -> bytes | None:
-    """Return a binary STL file with its normals, None where it has them already."""
-    n = int.from_bytes(data[80:84], "little")
-    if not n or len(data) != 84 + n * _STL.itemsize:
-        return None  # text, or damaged
-    rows = np.frombuffer(data, _STL, n, 84).copy()
-    if (np.abs(rows["normal"]).max(axis=1) > 1e-6).all():
-        return None
-    a, b, c = np.moveaxis(rows["corners"].astype(float), 1, 0)
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    up = np.where(length > 1e-18, normal / np.maximum(length, 1e-18), [0.0, 0.0, 1.0])
-    rows["normal"] = up + 0.0  # no -0
-    return data[:84] + rows.tobytes()
+    with contextlib.suppress(Exception):  # else the library says what is wrong
+        mesh = trimesh.load_mesh(file, process=False)
+        bare = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        bare.export(target)
+        bare.export(target)
+        return target
+    return file
 
 
 def _redirected(target: int) -> dict[int, int]:
