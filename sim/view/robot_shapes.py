@@ -68,7 +68,7 @@ def lowest_of_robot(robot: Robot, parts: list[Part], qs: np.ndarray) -> float:
 def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
     """Return meshes with at most `most` faces in all, as they are if they have few.
 
-    Corners that lie in one cell become one, their mean; cells grow until it is enough.
+    Corners that lie in one cell become one of them; cells grow until it is enough.
     For a picture only: no corner moves farther than the diagonal of a cell.
     """
     cell, drawn = _FINEST, parts
@@ -80,17 +80,11 @@ def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
 
 def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
     """Return a mesh whose corners in a cell of so many metres are one; maybe empty."""
-    at = np.floor(np.asarray(mesh.vertices) / cell).astype(np.int64)
-    _, corner_of, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-    corner_of = corner_of.ravel()
-    corners = np.zeros((len(count), 3))
-    np.add.at(corners, corner_of, mesh.vertices)
-    corners /= count[:, None]
-    faces = corner_of[mesh.faces]
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    return trimesh.Trimesh(corners, faces[np.sort(first)], process=False)
+    found = trimesh.Trimesh(mesh.vertices / cell, mesh.faces, process=False)
+    found.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    a, b, c = found.faces.T
+    found.update_faces((a != b) & (b != c) & (c != a) & found.unique_faces())
+    return found.apply_scale(cell)
 
 
 def solid_parts(robot: Robot) -> list[Part]:
