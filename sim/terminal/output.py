@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import typer
+from rich.filesize import decimal as bytes_text  # noqa: F401 (of 12.3 MB)
 
 from sim.terminal import interrupt
 from sim.terminal.checks import EXTRAS, Refused
@@ -180,12 +181,3 @@ def stdout_to_stderr() -> Iterator[None]:
 def counted(n: int, what: str) -> str:
     """Return a count for people: "1 edge", "12,345 edges"."""
     return f"{n:,} {what}{'' if n == 1 else 's'}"
-
-
-def bytes_text(size: float) -> str:
-    """Return a size for people: 12.3 MB."""
-    for unit in ("bytes", "kB", "MB", "GB"):
-        if size < 1000 or unit == "GB":
-            return f"{size:.3g} {unit}"
-        size /= 1000
-    raise AssertionError("unreachable")
