@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
@@ -18,6 +19,7 @@ from roadmap.robot.description import read_description, well_formed
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
+from roadmap.transforms import rotation_to_z
 from sim.draw.style import FURNITURE, LOAD, person_colours
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
@@ -312,10 +314,5 @@ def _redirected(target: int) -> dict[int, int]:
 def turn_z_to(direction: np.ndarray) -> list[float]:
     """Return the quaternion x, y, z, w that turns the z axis to a direction (3,)."""
     length = np.linalg.norm(direction)
-    if length < 1e-9:
-        return [0.0, 0.0, 0.0, 1.0]
-    x, y, z = direction / length
-    if z < -1 + 1e-9:
-        return [1.0, 0.0, 0.0, 0.0]
-    quat_xyzw = np.array([-y, x, 0.0, 1.0 + z])
-    return (quat_xyzw / np.linalg.norm(quat_xyzw)).tolist()
+    R = rotation_to_z(direction / length) if length > 1e-9 else np.eye(3)
+    return Rotation.from_matrix(R).as_quat().tolist()

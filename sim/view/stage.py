@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
+from viser.transforms import SO3
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import body_frames, tool_pose
@@ -212,7 +213,7 @@ class Stage:
         frames = body_frames(self.robot, q)
         for body, node in self._bodies.items():
             node.position = frames[body, :3, 3]
-            node.wxyz = theme.wxyz_of(frames[body, :3, :3])
+            node.wxyz = SO3.from_matrix(frames[body, :3, :3]).wxyz
         self.sink(lowest_of_robot(self.robot, self._parts, q[None]))
 
     def _place_person(self, capsules: np.ndarray) -> None:

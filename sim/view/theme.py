@@ -54,13 +54,6 @@ def as_segments(line: np.ndarray) -> np.ndarray:
     return np.stack([line[:-1], line[1:]], axis=1).astype(np.float32)
 
 
-def wxyz_of(R: np.ndarray) -> np.ndarray:
-    """Return the quaternion w, x, y, z of a rotation (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(R).as_quat(), 1)
-
-
 def lowest_of(capsules: np.ndarray) -> float:
     """Return how low people (n, 7) come [m], at most 0: the floor they stand on.
 
