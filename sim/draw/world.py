@@ -21,6 +21,7 @@ from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_to_z
 from sim.draw.style import FURNITURE, LOAD, person_colours
+from sim.draw.surroundings import capsule_mesh
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
@@ -192,36 +193,16 @@ class World:
             radius=radius,
             height=length,
         )
-        vertices, normals, triangles = capsule_mesh(length, radius)
+        mesh = capsule_mesh(length, radius)
         visual = self._bullet.createVisualShape(
             self._bullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            normals=normals.tolist(),
-            indices=triangles.ravel().tolist(),
+            vertices=mesh.vertices.tolist(),
+            normals=mesh.vertex_normals.tolist(),
+            indices=mesh.faces.ravel().tolist(),
             rgbaColor=colour,
             specularColor=[0.1, 0.1, 0.1],
         )
         return self._bullet.createMultiBody(0, solid, visual)
-
-
-def capsule_mesh(
-    length: float, radius: float, rings: int = 10, sides: int = 36
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a capsule along z: (n, 3) vertices, normals, (m, 3) triangles."""
-    lift = np.linspace(-np.pi / 2, np.pi / 2, 2 * rings)
-    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
-    lift, turn = (a.ravel() for a in np.meshgrid(lift, turn, indexing="ij"))
-    normals = np.column_stack(
-        [np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)]
-    )
-    vertices = radius * normals
-    vertices[:, 2] += np.where(lift < 0, -length / 2, length / 2)
-    row, column = np.meshgrid(np.arange(2 * rings - 1), np.arange(sides), indexing="ij")
-    a, b = (row * sides + column).ravel(), (row * sides + (column + 1) % sides).ravel()
-    triangles = np.vstack(
-        [np.column_stack([a, b, b + sides]), np.column_stack([a, b + sides, a + sides])]
-    )
-    return vertices, normals, triangles
 
 
 def import_pybullet() -> ModuleType:
