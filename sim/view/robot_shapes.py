@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from odm.obstacles.robot_surface import solids_of
 from roadmap.errors import PlanningError
 from roadmap.kinematics.forward import body_frames
 from roadmap.loading.body_tree import link_poses, standing_values
 from roadmap.robot.description import Description, Shape, read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
-from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
+from roadmap.robot.robot import Robot
+from sim.draw.surroundings import triangles_of
 
 MOST_FACES = 400_000  # of all visual meshes; a page has to stay quick
 # Faces that are drawn of all visual meshes: a picture of 100 000 took a processor that
@@ -89,25 +91,9 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 def solid_parts(robot: Robot) -> list[Part]:
     """Return the exact solids of a robot as meshes; no file is needed."""
-    return [
-        Part(
-            int(robot.link_body[robot.solid_link[i]]),
-            _solid(robot, i).apply_transform(robot.solid_pose[i]),
-        )
-        for i in range(len(robot.solid_kind))
-    ]
-
-
-def _solid(robot: Robot, i: int) -> trimesh.Trimesh:
-    kind, size = robot.solid_kind[i], robot.solid_size[i]
-    if kind == HULL:
-        rows = slice(robot.solid_ptr[i], robot.solid_ptr[i + 1])
-        return trimesh.convex.convex_hull(robot.solid_points[rows])
-    if kind == BOX:
-        return trimesh.creation.box(size[:3])
-    if kind == CYLINDER:
-        return trimesh.creation.cylinder(size[0], size[1], sections=32)
-    return trimesh.creation.icosphere(3, size[0])
+    bodies = robot.link_body[robot.solid_link].tolist()
+    drawn = [trimesh.triangles.to_kwargs(triangles_of(s)) for s in solids_of(robot)]
+    return [Part(b, trimesh.Trimesh(**d)) for b, d in zip(bodies, drawn, strict=True)]
 
 
 def visual_parts(robot: Robot, source: str, locked: Mapping[str, float]) -> list[Part]:
