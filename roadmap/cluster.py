@@ -45,6 +45,7 @@ _GIVEN = ".given"  # ending of the file with what a chunk takes
 _CLOSE_S = 10.0  # for the workers of a cluster that was made here
 _CONNECT_S = 10.0  # one try to reach a scheduler
 _FIRST_S = 10.0  # a scheduler that was never there is not waited for longer
+_LOST = CancelledError, OSError  # the cluster lost it: ask again; timeouts, too
 PATIENCE_S = 60.0  # a scheduler that went away may come back within
 
 
@@ -186,7 +187,7 @@ class Cluster(AbstractContextManager):
                 )
                 self.client.wait_for_workers(workers, timeout=left)
                 break
-            except (OSError, self.dask.TimeoutError, TimeoutError) as error:
+            except OSError as error:
                 with suppress(Exception):
                     self.client.close(timeout=1)
                 if time.monotonic() > until:
@@ -247,45 +248,44 @@ class _Hand:
         """Wait for the first chunk, and return what came of it."""
         lost, seen = 0, time.monotonic()
         while (sent := waiting[0]).found is None:
-            state = sent.future.status if sent.future else "lost"
-            if state == "finished":
-                with suppress(*_lost(self.cluster)):
+            try:
+                error = sent.future.exception(timeout=_LOOK_S)
+            except TimeoutError as late:
+                if not self._is_away():
+                    seen = self._last_seen(seen)
+                    continue
+                error = late
+            except Exception:  # it was not handed out, or lost, or the scheduler was
+                time.sleep(_PAUSE_S)
+                error = CancelledError()
+            if error is None:
+                with suppress(*_LOST):
                     self._store(sent)
                     continue
-                state = "lost"
-            if state == "error":
-                self._explain(sent)
-            if state in ("lost", "cancelled", "error") or self._is_away():
-                lost += 1
-                if lost > _MOST_LOST:
-                    raise BuildRefused(
-                        f"{self._named(sent)} was lost {lost} times; look at the "
-                        "workers' logs and give the same command again"
-                    )
-                self._recover(waiting)
-                continue
-            if self._is_done_soon(sent):
-                continue
-            # this asks the scheduler over the network: not while chunks are done
-            if self.cluster.client.scheduler_info()["workers"]:
-                seen = time.monotonic()
-            elif time.monotonic() - seen > self.cluster.patience:
+            elif not isinstance(error, _LOST):
+                raise self._explained(sent, error) from error
+            lost += 1
+            if lost > _MOST_LOST:
                 raise BuildRefused(
-                    f"all workers of {self.cluster.address} have gone; start some and "
-                    "give the same command again: finished chunks are kept"
+                    f"{self._named(sent)} was lost {lost} times; look at the "
+                    "workers' logs and give the same command again"
                 )
+            self._recover(waiting)
         return waiting.popleft().found or ()
 
-    def _is_done_soon(self, sent: _Sent) -> bool:
-        """Wait a moment for a chunk; return whether something came of it."""
-        try:
-            sent.future.exception(timeout=_LOOK_S)
-        except (self.cluster.dask.TimeoutError, TimeoutError):
-            return False
-        except Exception:  # it was lost, or the scheduler: `take` finds out
-            time.sleep(_PAUSE_S)
-            return False
-        return True
+    def _last_seen(self, seen: float) -> float:
+        """Return when workers were last there; BuildRefused if that is too long ago.
+
+        It asks the scheduler over the network: not while chunks are done.
+        """
+        if self.cluster.client.scheduler_info()["workers"]:
+            return time.monotonic()
+        if time.monotonic() - seen > self.cluster.patience:
+            raise BuildRefused(
+                f"all workers of {self.cluster.address} have gone; start some and "
+                "give the same command again: finished chunks are kept"
+            )
+        return seen
 
     def drop(self, waiting: deque[_Sent]) -> None:
         """Cancel what is no longer wanted."""
@@ -294,7 +294,7 @@ class _Hand:
 
     def _submit(self, sent: _Sent) -> None:
         client, sent.future = self.cluster.client, None
-        with suppress(*_lost(self.cluster)):
+        with suppress(*_LOST):
             if self._job_there is None:
                 self._job_there = client.scatter(self.job, broadcast=True, hash=False)
             chunk, shared = sent.chunk, self.cluster.shared
@@ -326,28 +326,23 @@ class _Hand:
             store.put(sent.name, sent.found)
         sent.future.release()
 
-    def _explain(self, sent: _Sent) -> None:
-        """Raise what a chunk raised, unless the cluster lost it."""
-        error = sent.future.exception()
+    def _explained(self, sent: _Sent, error: Exception) -> Exception:
+        """Return what is told of an error that a chunk raised."""
         if isinstance(error, BuildRefused):
-            raise error
+            return error
+        why = f"failed on a worker: {type(error).__name__} ({error})"
+        remedy = "give the same command again once that is mended"
         if isinstance(error, self.cluster.dask.scheduler.KilledWorker):
-            raise BuildRefused(
-                f"{self._named(sent)} ended {error.allowed_failures + 1} workers, one "
-                "after the other; give them more memory and give the same command again"
-            ) from error
-        if not isinstance(error, _lost(self.cluster)):
-            raise BuildRefused(
-                f"{self._named(sent)} failed on a worker: {type(error).__name__} "
-                f"({error}); give the same command again once that is mended"
-            ) from error
+            why = f"ended {error.allowed_failures + 1} workers, one after the other"
+            remedy = "give them more memory and give the same command again"
+        return BuildRefused(f"{self._named(sent)} {why}; {remedy}")
 
     def _recover(self, waiting: deque[_Sent]) -> None:
         """Keep what is finished, then hand the rest out again."""
         for sent in waiting:
             done = sent.future is not None and sent.future.status == "finished"
             if sent.found is None and done:
-                with suppress(*_lost(self.cluster)):
+                with suppress(*_LOST):
                     self._store(sent)
         if self._is_away():
             self.cluster.again()
@@ -420,14 +415,6 @@ def _foreign(who: str, found: object, wanted: dict[str, str]) -> str:
         f"{who} {what}, so its chunks could hold other bytes; install the same "
         "versions there and here and give the same command again"
     )
-
-
-def _lost(cluster: Cluster) -> tuple[type[BaseException], ...]:
-    """Return the errors that mean: the cluster lost it, ask again."""
-    names = ("FutureCancelledError", "FuturesCancelledError")
-    client = cluster.dask.client
-    found = [getattr(client, name) for name in names if hasattr(client, name)]
-    return CancelledError, OSError, cluster.dask.TimeoutError, *found
 
 
 def _check_address(address: str) -> None:

@@ -1,6 +1,7 @@
 """Map folders: a manifest and flat .npy arrays; written whole or not at all."""
 
 import hashlib
+import io
 import json
 import math
 import os
@@ -17,7 +18,6 @@ from roadmap.ranges import check_path
 from roadmap.unfinished import beside, put
 
 FORMAT = 1
-_MAGIC = b"\x93NUMPY\x01\x00"
 _NUMBERS = "biuf"  # kinds of arrays that maps hold
 _MANIFEST = "manifest.json"
 
@@ -204,14 +204,12 @@ def _check_header(
 
     The header is compared with what `numpy.save` writes, never read: it is Python.
     """
-    shape = tuple(row["shape"])
-    entries = {"descr": row["dtype"], "fortran_order": False, "shape": shape}
-    wanted = "{" + "".join(f"{k!r}: {v!r}, " for k, v in entries.items()) + "}"
-    start = stream.read(len(_MAGIC) + 2)
-    header = stream.read(int.from_bytes(start[-2:], "little"))
-    if start[:-2] != _MAGIC or header.rstrip(b" \n") != wanted.encode():
-        raise _damaged(path, name, f"its header is not that of {wanted}")
-    long = stream.tell() + math.prod(shape) * np.dtype(row["dtype"]).itemsize
+    kind, shape = row["dtype"], tuple(row["shape"])
+    wanted, told = io.BytesIO(), {"descr": kind, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(wanted, told)
+    if stream.read(wanted.tell()) != wanted.getvalue():
+        raise _damaged(path, name, f"its header is not that of {told}")
+    long = stream.tell() + math.prod(shape) * np.dtype(kind).itemsize
     if size != long:
         raise _damaged(path, name, f"it has {size} bytes, not {long}")
     return stream.tell()

@@ -280,17 +280,11 @@ def _moveit_mesh(words: _Words) -> Mesh:
 
 def _pyramid(radius: float, length: float) -> Mesh:
     """Return a mesh around a cone: its tip on +z, the origin half way up."""
+    from trimesh.creation import cone
+
     Cylinder(radius, length)  # refuses sizes that cannot be
-    angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    wide = radius / np.cos(np.pi / _SIDES)
-    foot = np.column_stack([wide * np.cos(angle), wide * np.sin(angle)])
-    foot = np.column_stack([foot, np.full(_SIDES, -0.5 * length)])
-    vertices = np.vstack([foot, [[0.0, 0.0, 0.5 * length], [0.0, 0.0, -0.5 * length]]])
-    k = np.arange(_SIDES)
-    after, tip, middle = (k + 1) % _SIDES, np.full(_SIDES, _SIDES), _SIDES + 1
-    sides = np.column_stack([k, after, tip])
-    below = np.column_stack([after, k, np.full(_SIDES, middle)])
-    return Mesh(vertices, np.vstack([sides, below]))
+    solid = cone(radius / np.cos(np.pi / _SIDES), length, _SIDES)
+    return Mesh(solid.vertices - [0.0, 0.0, 0.5 * length], solid.faces)
 
 
 def _plate(numbers: list[float], words: _Words):  # noqa: ANN202

@@ -1,7 +1,5 @@
 """Draw configurations: uniform, Halton, deterministic grid, biased to a region."""
 
-import itertools
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -47,45 +45,11 @@ def _uniform(dof: int, rng: np.random.Generator, _n: int) -> Iterator[np.ndarray
 
 
 def _halton(dof: int, rng: np.random.Generator, _n: int) -> Iterator[np.ndarray]:
-    """Yield the numbers of `scipy.stats.qmc.Halton(dof, rng=rng)`, to the last bit.
+    from scipy.stats import qmc  # takes half a second to import
 
-    Each digit is permuted: 'A randomized Halton algorithm in R', Owen 2017. To import
-    scipy.stats takes longer than to draw all nodes of a map.
-    """
-    (rng,) = rng.spawn(1)
-    digits = [_permutations(base, rng) for base in _primes(dof)]
-    for start in itertools.count(0, _CHUNK):
-        numbers = np.arange(start, start + _CHUNK)
-        yield np.stack([_van_der_corput(numbers, each) for each in digits], axis=1)
-
-
-def _primes(n: int) -> list[int]:
-    found: list[int] = []
-    for number in itertools.count(2):
-        if len(found) == n:
-            return found
-        if all(number % prime for prime in found):
-            found.append(number)
-    return found
-
-
-def _permutations(base: int, rng: np.random.Generator) -> np.ndarray:
-    """Return a permutation of 0 to base - 1 for each digit that a float can hold."""
-    count = math.ceil(54 / math.log2(base)) - 1
-    digits = np.repeat(np.arange(base)[None], count, axis=0)
-    for row in digits:
-        rng.shuffle(row)
-    return digits
-
-
-def _van_der_corput(numbers: np.ndarray, digits: np.ndarray) -> np.ndarray:
-    """Return numbers mirrored at the point in base `digits.shape[1]`, permuted."""
-    base = digits.shape[1]
-    mirrored, left, unit = np.zeros(len(numbers)), numbers, 1.0 / base
-    for row in digits:
-        mirrored += row[left % base] * unit
-        left, unit = left // base, unit / base
-    return mirrored
+    sequence = qmc.Halton(dof, seed=rng)  # scrambled
+    while True:
+        yield sequence.random(_CHUNK)
 
 
 def _grid(dof: int, rng: np.random.Generator, n_nodes: int) -> Iterator[np.ndarray]:

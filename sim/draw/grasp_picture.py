@@ -7,7 +7,7 @@ import numpy as np
 from handover import GraspSet, load_hand
 from roadmap.transforms import moved_points, pose_of_flat
 from sim.draw import style
-from sim.draw.surroundings import show_box
+from sim.draw.surroundings import capsule_mesh, show_box
 
 _SHOWN = 5  # closed hands
 _ARROW = 0.03  # [m] length of a palm's line
@@ -49,9 +49,8 @@ def hand_triangles(grasps: GraspSet, row: int) -> np.ndarray:
             mesh = trimesh.convex.convex_hull(points)
         else:
             length = float(np.linalg.norm(points[-1] - points[0]))
-            mesh = trimesh.creation.capsule(length, margin, [_SECTIONS, _SECTIONS])
+            mesh = capsule_mesh(length, margin, _SECTIONS // 2, _SECTIONS)
             T[:3, 3] = points.mean(axis=0)
-            mesh.apply_translation(-mesh.bounds.mean(axis=0))
         T = pose_of_flat(frame) @ T
         corners = np.asarray(mesh.triangles)
         found.append(moved_points(corners, T))

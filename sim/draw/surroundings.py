@@ -1,6 +1,7 @@
 """What stands around a robot, as triangles and as balls, for pictures."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,6 +9,9 @@ from odm import ReactivePlanner
 from odm.obstacles import shapes
 from odm.obstacles.surfaces import Surface
 from roadmap.transforms import moved_points
+
+if TYPE_CHECKING:
+    import trimesh
 
 _SECTIONS = 16  # facets of a round solid
 _GRAIN = 0.03  # [m] between the balls of a triangle
@@ -47,14 +51,23 @@ def triangles_of(shape: shapes.Shape) -> np.ndarray:
             mesh = trimesh.creation.box(shape.size)
             mesh = mesh.subdivide_to_size(0.25)  # small facets hide each other better
         elif isinstance(shape, shapes.Capsule):
-            mesh = trimesh.creation.capsule(shape.length, shape.radius)
-            mesh.apply_translation(-mesh.bounds.mean(axis=0))
+            mesh = capsule_mesh(shape.length, shape.radius, 16, 64)
         else:
             mesh = trimesh.creation.cylinder(
                 shape.radius, shape.length, sections=_SECTIONS
             )
         corners = np.asarray(mesh.triangles)
     return moved_points(corners, shape.T_base_shape)
+
+
+def capsule_mesh(
+    length: float, radius: float, rings: int = 10, sides: int = 36
+) -> "trimesh.Trimesh":
+    """Return a capsule along z, its middle at the origin [m]; `rings` are of an end."""
+    import trimesh
+
+    mesh = trimesh.creation.capsule(length, radius, [2 * rings, sides])
+    return mesh.apply_translation(-mesh.bounds.mean(axis=0))
 
 
 def add_shaded(

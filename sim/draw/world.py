@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from roadmap.errors import BadRobot, PlanningError
 from roadmap.loading.body_tree import driven_by, standing_values
@@ -18,7 +19,9 @@ from roadmap.robot.description import read_description, well_formed
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
+from roadmap.transforms import rotation_to_z
 from sim.draw.style import FURNITURE, LOAD, person_colours
+from sim.draw.surroundings import capsule_mesh
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
@@ -190,36 +193,16 @@ class World:
             radius=radius,
             height=length,
         )
-        vertices, normals, triangles = capsule_mesh(length, radius)
+        mesh = capsule_mesh(length, radius)
         visual = self._bullet.createVisualShape(
             self._bullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            normals=normals.tolist(),
-            indices=triangles.ravel().tolist(),
+            vertices=mesh.vertices.tolist(),
+            normals=mesh.vertex_normals.tolist(),
+            indices=mesh.faces.ravel().tolist(),
             rgbaColor=colour,
             specularColor=[0.1, 0.1, 0.1],
         )
         return self._bullet.createMultiBody(0, solid, visual)
-
-
-def capsule_mesh(
-    length: float, radius: float, rings: int = 10, sides: int = 36
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a capsule along z: (n, 3) vertices, normals, (m, 3) triangles."""
-    lift = np.linspace(-np.pi / 2, np.pi / 2, 2 * rings)
-    turn = np.linspace(0.0, 2 * np.pi, sides, endpoint=False)
-    lift, turn = (a.ravel() for a in np.meshgrid(lift, turn, indexing="ij"))
-    normals = np.column_stack(
-        [np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)]
-    )
-    vertices = radius * normals
-    vertices[:, 2] += np.where(lift < 0, -length / 2, length / 2)
-    row, column = np.meshgrid(np.arange(2 * rings - 1), np.arange(sides), indexing="ij")
-    a, b = (row * sides + column).ravel(), (row * sides + (column + 1) % sides).ravel()
-    triangles = np.vstack(
-        [np.column_stack([a, b, b + sides]), np.column_stack([a, b + sides, a + sides])]
-    )
-    return vertices, normals, triangles
 
 
 def import_pybullet() -> ModuleType:
@@ -277,38 +260,26 @@ def _lit(path: str, folder: Path) -> str:
             names[name] = find_mesh(name, Path(path), (), "it")
         except BadRobot:
             return path  # the library says which it misses, or knows where it is
-    mended = {}
-    for name, file in names.items():
-        data = (
-            with_normals(file.read_bytes()) if file.suffix.lower() == ".stl" else None
-        )
-        if data is not None:
-            mended[name] = folder / f"{len(mended)}.stl"
-            mended[name].write_bytes(data)
-    for name, file in (names | mended).items():
+    for k, (name, file) in enumerate(names.items()):
+        if file.suffix.lower() == ".stl":
+            file = _with_normals(file, folder / f"{k}.stl")
         text = text.replace(f'"{name}"', f'"{file.absolute()}"')
     copy = folder / Path(path).name
     copy.write_text(text, encoding="utf-8")
     return str(copy)
 
 
-_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+def _with_normals(file: Path, target: Path) -> Path:
+    """Write an STL file with its normals; return where it is, if it can be read."""
+    import trimesh
 
-
-def with_normals(data: bytes) -> bytes | None:
-    """Return a binary STL file with its normals, None where it has them already."""
-    n = int.from_bytes(data[80:84], "little")
-    if not n or len(data) != 84 + n * _STL.itemsize:
-        return None  # text, or damaged
-    rows = np.frombuffer(data, _STL, n, 84).copy()
-    if (np.abs(rows["normal"]).max(axis=1) > 1e-6).all():
-        return None
-    a, b, c = np.moveaxis(rows["corners"].astype(float), 1, 0)
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    up = np.where(length > 1e-18, normal / np.maximum(length, 1e-18), [0.0, 0.0, 1.0])
-    rows["normal"] = up + 0.0  # no -0
-    return data[:84] + rows.tobytes()
+    with contextlib.suppress(Exception):  # else the library says what is wrong
+        mesh = trimesh.load_mesh(file, process=False)
+        bare = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        bare.export(target)
+        bare.export(target)
+        return target
+    return file
 
 
 def _redirected(target: int) -> dict[int, int]:
@@ -324,10 +295,5 @@ def _redirected(target: int) -> dict[int, int]:
 def turn_z_to(direction: np.ndarray) -> list[float]:
     """Return the quaternion x, y, z, w that turns the z axis to a direction (3,)."""
     length = np.linalg.norm(direction)
-    if length < 1e-9:
-        return [0.0, 0.0, 0.0, 1.0]
-    x, y, z = direction / length
-    if z < -1 + 1e-9:
-        return [1.0, 0.0, 0.0, 0.0]
-    quat_xyzw = np.array([-y, x, 0.0, 1.0 + z])
-    return (quat_xyzw / np.linalg.norm(quat_xyzw)).tolist()
+    R = rotation_to_z(direction / length) if length > 1e-9 else np.eye(3)
+    return Rotation.from_matrix(R).as_quat().tolist()

@@ -7,11 +7,11 @@ import numpy as np
 
 from handover.scenes.plan_file import WHO, duration, joints_at, object_at
 from handover.scenes.scene import Scene
+from sim.draw.film import FilmSettings, write_gif
 from sim.draw.scene_picture import agent_triangles
 from sim.draw.style import AMBER, BLUE, INK, TEAL, WOOD
 from sim.draw.surroundings import add_shaded, all_triangles, show_box
 from sim.run.played_plan import PlayedPlan
-from sim.terminal.output import write_whole
 
 _FRAMES, _FPS = 60, 10
 _COLOURS = TEAL, BLUE, WOOD, AMBER
@@ -51,10 +51,8 @@ def write_handover_film(
         figure.text(0.02, 0.95, f"{_doing(record, t)}  {t:.1f} s", color=INK, size=10)
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
-        pictures.append(picture.quantize(64))
-    options = {"save_all": True, "append_images": pictures[1:], "loop": 0}
-    options["duration"] = 1000 // _FPS
-    return write_whole(path, lambda made: pictures[0].save(made, "GIF", **options))
+        pictures.append(picture)
+    return write_gif(pictures, path, FilmSettings(*picture.size, fps=_FPS))
 
 
 def _doing(record: Mapping, t: float) -> str:

@@ -24,7 +24,7 @@ from sim.run.planned import PlanTask
 from sim.run.report import setting
 from sim.run.request import RunRequest
 from sim.terminal.ahead import compile_ahead
-from sim.terminal.output import stdout_to_stderr, write_text
+from sim.terminal.output import write_text
 from sim.terminal.progress import Bars, silence
 
 Task = PlacesTask | MeetTask | PlanTask
@@ -248,8 +248,7 @@ def _write_film(
         n = round(film_s * film.fps)
         film = replace(film, begin_s=0.0, frames=n, fov_deg=WIDE)
     still = all_triangles(standing_of(loop.planner))
-    with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, note = open_world(cell_map, loop.planner.attached)
+    world, note = open_world(cell_map, loop.planner.attached)
     with world:
         world.stand(still)
         tools = getattr(loop, "tools", None)

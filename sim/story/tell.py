@@ -36,7 +36,6 @@ from sim.story.settings import patience_with
 from sim.story.watched import StoryPage, write_story_film
 from sim.story.wrist import PlainWrist, SimulatedWrist, Wrist
 from sim.tables.header import header
-from sim.terminal.output import stdout_to_stderr
 from sim.terminal.progress import Bars
 
 FILM = "handover.gif"
@@ -177,8 +176,7 @@ def _filmed(
 ) -> Path:
     """Write a recorded story as a film, with what stands around; return it."""
     still = all_triangles(shape for _, shape in cell_map.scenery.shapes())
-    with stdout_to_stderr():  # pybullet greets and warns on stdout
-        world, _ = open_world(cell_map)
+    world, _ = open_world(cell_map)
     with world, Bars("writing the film") as tell:
         if len(still):
             world.stand(still)
@@ -188,8 +186,7 @@ def _filmed(
 def wrist_of(setup: StorySetup) -> tuple[Wrist, str]:
     """Return pybullet's wrist where there is one, and a sentence that says which."""
     try:
-        with stdout_to_stderr():
-            return SimulatedWrist(setup.obj), "reaction forces of pybullet at the wrist"
+        return SimulatedWrist(setup.obj), "reaction forces of pybullet at the wrist"
     except SimulatorMissing:
         return PlainWrist(setup.obj), "forces at the wrist are added up (no pybullet)"
 

@@ -8,8 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 _HEAD = ("what", "asked", "p50", "p99", "max", "CPU p50 / p99", "met?")
-# columns with longer cells, the first one and others, are text that may be broken
-_FIRST, _TEXT = 21, 18
+_TEXT = 21  # columns with longer cells are text that may be broken
 _VALUES = (0, 1, 2, 6)  # columns of a table without times
 
 
@@ -18,23 +17,21 @@ def print_bench(result: dict, console: Console | None = None) -> None:
     console = console or Console()
     title = result.get("title") or f"odm bench {result['bench']}"
     head, *rows = _lines(result)
-    if rows:
-        console.print(plain_table(title, *_narrow(head, rows, console.width)))
-    for more in result.get("tables", ()):
-        _print_more(more, console)
+    own = [{"title": title, "head": head, "rows": rows}] if rows else []
+    for table in (*own, *result.get("tables", ())):
+        _print_table(table, console)
     for line in setting_lines(result):
         console.print(line, highlight=False)
 
 
-def _print_more(more: dict, console: Console) -> None:
-    if not more["rows"]:
-        console.print(f"{more['title']}: none", highlight=False, markup=False)
+def _print_table(table: dict, console: Console) -> None:
+    if not table["rows"]:
+        console.print(f"{table['title']}: none", highlight=False, markup=False)
         return
-    lines = [[str(cell) for cell in line] for line in (more["head"], *more["rows"])]
+    lines = [[str(cell) for cell in line] for line in (table["head"], *table["rows"])]
     for k, columns in enumerate(_parts(lines, console.width)):
         head, *rows = [[line[c] for c in columns] for line in lines]
-        title = more["title"] if not k else ""
-        console.print(plain_table(title, head, rows))
+        console.print(plain_table("" if k else table["title"], head, rows))
 
 
 def _parts(lines: list[list[str]], width: int) -> list[list[int]]:
@@ -69,7 +66,7 @@ def plain_table(title: str, head: Sequence[str], rows: Sequence[Sequence]) -> Ta
     table.pad_edge, table.title_style = False, "bold"
     for k, name in enumerate(head):
         longest = max((len(str(line[k])) for line in (head, *rows)), default=0)
-        least = min(longest, _TEXT if k else _FIRST)
+        least = min(longest, _TEXT)
         options: dict = {"justify": "right", "no_wrap": True}
         if not k or longest > least:
             options = {"min_width": least}
@@ -77,23 +74,6 @@ def plain_table(title: str, head: Sequence[str], rows: Sequence[Sequence]) -> Ta
     for row in rows:
         table.add_row(*(Text(str(cell)) for cell in row))
     return table
-
-
-def _narrow(
-    head: Sequence[str], rows: list[Sequence[str]], width: int
-) -> tuple[Sequence[str], list[Sequence[str]]]:
-    """Put what is asked under the name where a terminal is narrower than the table."""
-    lines = [head, *rows]
-    wide = [max(len(line[k]) for line in lines) + 1 for k in range(len(head))]
-    if sum(wide) <= width or "asked" not in head:
-        return head, rows
-    at, slim = list(head).index("asked"), []
-    for row in rows:
-        rest = [cell for k, cell in enumerate(row) if k != at]
-        slim.append(rest)
-        limits = row[at].split(", ") if row[at] else []
-        slim += [[f"    asked {limit}", *[""] * (len(rest) - 1)] for limit in limits]
-    return [name for name in head if name != "asked"], slim
 
 
 def markdown(result: dict) -> str:

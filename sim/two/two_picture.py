@@ -14,7 +14,7 @@ from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, FAINT, INK, SLATE, TEAL, rgb
 from sim.draw.viewpoint import Camera
 from sim.loop.run_result import STATUS
-from sim.terminal.output import stdout_to_stderr, write_whole
+from sim.terminal.output import write_whole
 from sim.two.two_result import TwoResult
 
 COLOURS = (TEAL, AMBER)  # of the first and of the second robot
@@ -56,8 +56,7 @@ class _Stage:
     ) -> None:
         self.result, self.robots = result, [m.robot for m in maps]
         self.T = (np.eye(4), np.asarray(result.T_world_base))
-        with stdout_to_stderr():  # pybullet greets and warns on stdout
-            self.worlds = [open_world(m)[0] for m in maps]
+        self.worlds = [open_world(m)[0] for m in maps]
         self.tools = []
         for robot, T, places in zip(self.robots, self.T, result.places, strict=True):
             tools = [tool_pose(robot, q)[:3, 3] for q in places]

@@ -1,8 +1,7 @@
-"""Occupied cells, what they block of a roadmap, its edges as lines; by numpy alone."""
-
-import json
+"""Occupied cells, what they block of a roadmap, and its edges as lines of a page."""
 
 import numpy as np
+import trimesh
 
 from odm.cell_map.cell_map import CellMap
 from odm.obstacles.grid import WorkspaceGrid
@@ -10,9 +9,7 @@ from odm.obstacles.surfaces import sample_capsules
 from roadmap.kinematics.forward import tool_pose
 
 SPACING = 0.03  # of the samples on the person [m], as in the loop
-_MAGIC, _VERSION = 0x46546C67, 2  # "glTF"
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942  # kinds of chunks
-_FLOAT, _LINES = 5126, 1
+_LINES = 1  # a mode of glTF
 
 
 def seen_points(capsules: np.ndarray, points: np.ndarray | None) -> np.ndarray:
@@ -84,51 +81,16 @@ def line_file(
     2, 3) are in metres, `colour` 0 to 255, sRGB; with an opacity below 1 what lies
     behind many of them is seen, too.
     """
-    points = np.ascontiguousarray(segments, np.float32).reshape(-1, 3)
     shade = [_linear(c / 255.0) for c in colour]
-    told = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0}, "mode": _LINES, "material": 0}
-                ]
-            }
-        ],
-        "materials": [
-            {
-                "pbrMetallicRoughness": {"baseColorFactor": [*shade, opacity]},
-                "alphaMode": "BLEND",
-            }
-        ],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": _FLOAT,
-                "count": len(points),
-                "type": "VEC3",
-                "min": points.min(axis=0).tolist(),
-                "max": points.max(axis=0).tolist(),
-            }
-        ],
-        "bufferViews": [{"buffer": 0, "byteLength": points.nbytes}],
-        "buffers": [{"byteLength": points.nbytes}],
-    }
-    head = json.dumps(told).encode()
-    head += b" " * (-len(head) % 4)
-    chunks = _chunk(_JSON, head) + _chunk(_BINARY, points.tobytes())
-    return _words(_MAGIC, _VERSION, 12 + len(chunks)) + chunks
+    look = {"pbrMetallicRoughness": {"baseColorFactor": [*shade, opacity]}}
 
+    def as_lines(tree: dict) -> None:
+        tree["materials"] = [look | {"alphaMode": "BLEND"}]
+        (drawn,) = tree["meshes"][0]["primitives"]
+        drawn |= {"mode": _LINES, "material": 0}
 
-def _chunk(kind: int, data: bytes) -> bytes:
-    return _words(len(data), kind) + data
-
-
-def _words(*numbers: int) -> bytes:
-    return np.array(numbers, "<u4").tobytes()
+    cloud = trimesh.PointCloud(segments.reshape(-1, 3))
+    return cloud.scene().export(file_type="glb", tree_postprocessor=as_lines)
 
 
 def _linear(c: float) -> float:

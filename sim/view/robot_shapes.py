@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from odm.obstacles.robot_surface import solids_of
 from roadmap.errors import PlanningError
 from roadmap.kinematics.forward import body_frames
 from roadmap.loading.body_tree import link_poses, standing_values
 from roadmap.robot.description import Description, Shape, read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.robot.meshes import find_mesh
-from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
+from roadmap.robot.robot import Robot
+from sim.draw.surroundings import triangles_of
 
 MOST_FACES = 400_000  # of all visual meshes; a page has to stay quick
 # Faces that are drawn of all visual meshes: a picture of 100 000 took a processor that
@@ -68,7 +70,7 @@ def lowest_of_robot(robot: Robot, parts: list[Part], qs: np.ndarray) -> float:
 def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
     """Return meshes with at most `most` faces in all, as they are if they have few.
 
-    Corners that lie in one cell become one, their mean; cells grow until it is enough.
+    Corners that lie in one cell become one of them; cells grow until it is enough.
     For a picture only: no corner moves farther than the diagonal of a cell.
     """
     cell, drawn = _FINEST, parts
@@ -80,40 +82,18 @@ def drawn_parts(parts: list[Part], most: int = DRAWN_FACES) -> list[Part]:
 
 def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
     """Return a mesh whose corners in a cell of so many metres are one; maybe empty."""
-    at = np.floor(np.asarray(mesh.vertices) / cell).astype(np.int64)
-    _, corner_of, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-    corner_of = corner_of.ravel()
-    corners = np.zeros((len(count), 3))
-    np.add.at(corners, corner_of, mesh.vertices)
-    corners /= count[:, None]
-    faces = corner_of[mesh.faces]
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    return trimesh.Trimesh(corners, faces[np.sort(first)], process=False)
+    found = trimesh.Trimesh(mesh.vertices / cell, mesh.faces, process=False)
+    found.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=0)
+    a, b, c = found.faces.T
+    found.update_faces((a != b) & (b != c) & (c != a) & found.unique_faces())
+    return found.apply_scale(cell)
 
 
 def solid_parts(robot: Robot) -> list[Part]:
     """Return the exact solids of a robot as meshes; no file is needed."""
-    return [
-        Part(
-            int(robot.link_body[robot.solid_link[i]]),
-            _solid(robot, i).apply_transform(robot.solid_pose[i]),
-        )
-        for i in range(len(robot.solid_kind))
-    ]
-
-
-def _solid(robot: Robot, i: int) -> trimesh.Trimesh:
-    kind, size = robot.solid_kind[i], robot.solid_size[i]
-    if kind == HULL:
-        rows = slice(robot.solid_ptr[i], robot.solid_ptr[i + 1])
-        return trimesh.convex.convex_hull(robot.solid_points[rows])
-    if kind == BOX:
-        return trimesh.creation.box(size[:3])
-    if kind == CYLINDER:
-        return trimesh.creation.cylinder(size[0], size[1], sections=32)
-    return trimesh.creation.icosphere(3, size[0])
+    bodies = robot.link_body[robot.solid_link].tolist()
+    drawn = [trimesh.triangles.to_kwargs(triangles_of(s)) for s in solids_of(robot)]
+    return [Part(b, trimesh.Trimesh(**d)) for b, d in zip(bodies, drawn, strict=True)]
 
 
 def visual_parts(robot: Robot, source: str, locked: Mapping[str, float]) -> list[Part]:

@@ -4,13 +4,15 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
+from viser.transforms import SO3
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import body_frames, tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.animation import tool_line
 from sim.draw.style import person_colours
-from sim.draw.world import capsule_mesh, turn_z_to
+from sim.draw.surroundings import capsule_mesh
+from sim.draw.world import turn_z_to
 from sim.loop.carried import ball_rows
 from sim.view import theme
 from sim.view.blocked import (
@@ -212,7 +214,7 @@ class Stage:
         frames = body_frames(self.robot, q)
         for body, node in self._bodies.items():
             node.position = frames[body, :3, 3]
-            node.wxyz = theme.wxyz_of(frames[body, :3, :3])
+            node.wxyz = SO3.from_matrix(frames[body, :3, :3]).wxyz
         self.sink(lowest_of_robot(self.robot, self._parts, q[None]))
 
     def _place_person(self, capsules: np.ndarray) -> None:
@@ -234,12 +236,11 @@ class Stage:
         colours = [tuple(row) for row in np.round(255 * people).astype(int).tolist()]
         colours += [theme.LOAD] * (len(sizes) - len(colours))
         for i, (length, radius) in enumerate(sizes):
-            vertices, _, faces = capsule_mesh(length, radius, 8, 24)
-            colour = colours[i]
+            mesh, colour = capsule_mesh(length, radius, 8, 24), colours[i]
             node = self.scene.add_mesh_simple(
                 f"/person/part_{i}",
-                vertices,
-                faces,
+                mesh.vertices,
+                mesh.faces,
                 color=colour if length > 1e-9 else theme.LOAD,
                 visible=self.shown["person"],
             )

@@ -31,33 +31,17 @@ SKY, GROUND = (255, 255, 255), (196, 200, 206)
 FREE_EDGE, BLOCKED_EDGE = (150, 188, 186), (196, 62, 62)
 PATH, BEFORE = rgb(TEAL), (160, 168, 178)
 GOAL = rgb(SLATE)
-# viridis, from 0 to 1: equal steps look equal, also in grey
-_VIRIDIS = np.array(
-    [
-        [68, 1, 84],
-        [72, 40, 120],
-        [62, 74, 137],
-        [49, 104, 142],
-        [38, 130, 142],
-        [31, 158, 137],
-        [53, 183, 121],
-        [109, 205, 89],
-        [180, 222, 44],
-        [253, 231, 37],
-    ],
-    float,
-)
 
 
 def quality_colours(quality: np.ndarray) -> np.ndarray:
     """Return (n, 3) uint8 colours of qualities in [0, 1]; slate where there is none."""
+    from trimesh.visual.color import interpolate
+
     quality = np.asarray(quality, float)
-    at = np.clip(np.nan_to_num(quality), 0, 1) * (len(_VIRIDIS) - 1)
-    low = np.minimum(at.astype(int), len(_VIRIDIS) - 2)
-    share = (at - low)[:, None]
-    colours = (1 - share) * _VIRIDIS[low] + share * _VIRIDIS[low + 1]
+    ends = np.append(np.nan_to_num(quality), (0.0, 1.0))  # it spreads what it is given
+    colours = interpolate(ends, "viridis")[:-2, :3]
     colours[np.isnan(quality)] = GOAL
-    return colours.round().astype(np.uint8)
+    return colours
 
 
 def hex_of(colour: tuple) -> str:
@@ -68,13 +52,6 @@ def hex_of(colour: tuple) -> str:
 def as_segments(line: np.ndarray) -> np.ndarray:
     """Return (n - 1, 2, 3) segments of a line (n, 3)."""
     return np.stack([line[:-1], line[1:]], axis=1).astype(np.float32)
-
-
-def wxyz_of(R: np.ndarray) -> np.ndarray:
-    """Return the quaternion w, x, y, z of a rotation (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(R).as_quat(), 1)
 
 
 def lowest_of(capsules: np.ndarray) -> float:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sim.people.mocap.tracks import BadMocap, Tracks, number
 
@@ -42,7 +43,9 @@ def parse_bvh(text: str, source: str) -> Tracks:
     count, rate, start = _motion_header(lines, at, source)
     values = _values(lines[start:], n_channels, count, source)
     with np.errstate(over="ignore", invalid="ignore"):  # too far: not seen
-        places, rest = _places(joints, values), _rest(joints)
+        places = _places(joints, values)
+    still = [_Joint(one.name, one.parent, one.offset) for one in joints]
+    rest = {name: at[0] for name, at in _places(still, values[:1]).items()}
     return Tracks(source, rate, places, rest=rest)
 
 
@@ -164,7 +167,8 @@ def _places(joints: list[_Joint], values: np.ndarray) -> dict[str, np.ndarray]:
             if kind == "position":
                 shift[:, axis] = column
             else:
-                turn = turn @ _turn(axis, np.radians(column))
+                angle = Rotation.from_euler("xyz"[axis], column[:, None], True)
+                turn = turn @ angle.as_matrix()
         if joint.parent >= 0:
             parent = turns[joint.parent]
             shift = places[joint.parent] + (parent @ shift[:, :, None])[:, :, 0]
@@ -175,25 +179,3 @@ def _places(joints: list[_Joint], values: np.ndarray) -> dict[str, np.ndarray]:
     for joint, place in zip(joints, places, strict=True):
         found.setdefault(joint.name, place)
     return found
-
-
-def _rest(joints: list[_Joint]) -> dict[str, np.ndarray]:
-    """Return name -> (3,) place of every joint while nothing is turned."""
-    places: list[np.ndarray] = []
-    found: dict[str, np.ndarray] = {}
-    for joint in joints:
-        parent = places[joint.parent] if joint.parent >= 0 else np.zeros(3)
-        places.append(parent + joint.offset)
-        found.setdefault(joint.name, places[-1])
-    return found
-
-
-def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
-    """Return (F, 3, 3) rotations about a coordinate axis."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, axis, axis] = 1.0
-    turn[:, i, i] = turn[:, j, j] = np.cos(angle)
-    turn[:, j, i] = np.sin(angle)
-    turn[:, i, j] = -turn[:, j, i]
-    return turn

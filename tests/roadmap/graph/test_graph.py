@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
-from scipy.stats import qmc
 
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
@@ -21,14 +20,15 @@ def nothing_free(q, dq):
     return np.zeros(len(q), bool)
 
 
-@pytest.mark.parametrize(("dof", "seed"), [(1, 0), (7, 1), (20, 5)])
-def test_halton_is_that_of_scipy_to_the_last_bit(dof, seed):
-    robot = SimpleNamespace(dof=dof, lower=np.zeros(dof), upper=np.ones(dof))
-    drawn = draw(robot, "halton", seed, 0, None)
-    twin = qmc.Halton(dof, scramble=True, rng=np.random.default_rng(seed))
-    for _ in range(3):
-        q = next(drawn)
-        assert np.array_equal(q, twin.random(len(q)))
+def test_halton_draws_what_maps_were_built_of():
+    """Another version of scipy may scramble otherwise: maps would have other bytes."""
+    robot = SimpleNamespace(dof=3, lower=np.zeros(3), upper=np.ones(3))
+    drawn = draw(robot, "halton", 1, 0, None)
+    rows = [next(drawn)[0].tolist() for _ in range(2)]
+    assert rows == [
+        [0.8266998079256848, 0.5345619081195782, 0.09241988789982591],
+        [0.8262115266756848, 0.9140772259065009, 0.5352998878998261],
+    ]
 
 
 def test_every_edge_stands_in_the_lists_of_both_its_nodes(small_map):

@@ -44,3 +44,8 @@ def test_text_is_broken_and_not_cut():
 
 def test_a_table_without_rows_says_so():
     assert "Trips [%]: none" in printed(80, ["case", "outcome"], [])
+
+
+def test_no_number_beside_a_long_name_is_cut():
+    row = ["a word or some more " * 2, "123456789", "987654321"]
+    assert set(row[1:]) <= set(" ".join(printed(40, ["case", "a", "b"], [row])).split())
