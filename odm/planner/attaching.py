@@ -65,6 +65,7 @@ class Attacher(Remembering):
         self.roadmap = frame.cell_map.roadmap
         self._for_goals = wanted.goal_connections
         self._for_starts = wanted.start_connections
+        self._wary_clearance = wanted.wary_clearance
         self._resize()
         # goals and the places beside them take turns
         tight = self.settings.kept_tight if wanted.tight_ends else 0
@@ -741,17 +742,25 @@ class Attacher(Remembering):
     def _motions_without_cells(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, no items) of certified motions to a few near nodes.
 
-        Only what the frame leaves free is certified, the best first.
+        Only what the frame leaves free is certified, the best first. No cells tell a
+        search which of these lead close past somebody, so where some keep
+        `PlannerSettings.wary_clearance` more, there are no others.
         """
         frame, most = self.frame, self.settings.moving_nodes
         ids = self._candidates(most)[: self.settings.looked_at * most]
         table = frame.memory.table
         n = judge.clear_nodes(table, q, ids, most, self._chosen)
+        ids = self._chosen[:n]
+        dqs = self._between(q, ids, outward=True)[1]
+        more = 0.0 if frame.memory.rules.always[0] else self._wary_clearance
+        wide = [not more or frame.motion_clear(q, dq, None, more) for dq in dqs]
         good, refused = [], []
-        for node in self._chosen[:n]:
-            dq = frame.difference(q, self.roadmap.nodes[node])
-            (good if frame.static.motion_free(q, dq) else refused).append(node)
-            if len(good) == self.settings.moving_connections:
+        for kept in (np.array(wide, bool), ~np.array(wide, bool)):
+            for node, dq in zip(ids[kept], dqs[kept], strict=True):
+                (good if frame.static.motion_free(q, dq) else refused).append(node)
+                if len(good) == self.settings.moving_connections:
+                    break
+            if good:
                 break
         nodes, self._refused = np.array(good, np.int64), np.array(refused, np.int64)
         return nodes, np.full(len(nodes), kinds.NO_ITEM)
