@@ -201,10 +201,8 @@ def test_nodes_that_a_moving_robot_was_refused_are_not_tried_again(
 def test_a_robot_that_moves_leaves_by_no_motion_close_past_somebody(small_map):
     """Its motions have no cells that a search would be wary of."""
     settings = PlannerSettings(search=0)
-    planner, rng = (
-        odm.ReactivePlanner(small_map, settings=settings),
-        np.random.default_rng(0),
-    )
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    rng = np.random.default_rng(0)
     frame, starts = planner.frame, planner.memory.start_connections
     nodes = small_map.roadmap.nodes
     planner.set_goals([AWAY])
