@@ -1,6 +1,6 @@
 """Connects configurations to the roadmap: goals when set, starts when first seen."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -65,6 +65,7 @@ class Attacher(Remembering):
         self.roadmap = frame.cell_map.roadmap
         self._for_goals = wanted.goal_connections
         self._for_starts = wanted.start_connections
+        self._wary_clearance = wanted.wary_clearance
         self._resize()
         # goals and the places beside them take turns
         tight = self.settings.kept_tight if wanted.tight_ends else 0
@@ -741,20 +742,48 @@ class Attacher(Remembering):
     def _motions_without_cells(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (nodes, no items) of certified motions to a few near nodes.
 
-        Only what the frame leaves free is certified, the best first.
+        Only what the frame leaves free is certified, the best first. No cells tell a
+        search which of these lead close past somebody, so where some keep
+        `PlannerSettings.wary_clearance` more, there are no others.
         """
         frame, most = self.frame, self.settings.moving_nodes
         ids = self._candidates(most)[: self.settings.looked_at * most]
         table = frame.memory.table
         n = judge.clear_nodes(table, q, ids, most, self._chosen)
-        good, refused = [], []
-        for node in self._chosen[:n]:
+        more = 0.0 if frame.memory.rules.always[0] else self._wary_clearance
+
+        close: list[int] = []
+
+        def is_wide(node: int) -> bool:
             dq = frame.difference(q, self.roadmap.nodes[node])
-            (good if frame.static.motion_free(q, dq) else refused).append(node)
+            wide = not more or frame.motion_clear(q, dq, None, more)
+            if not wide:
+                close.append(node)
+            return wide
+
+        chosen = self._chosen[:n].tolist()
+        nodes, refused = self._certified(q, filter(is_wide, chosen))
+        if not nodes:
+            nodes, others = self._certified(q, close)
+            refused += others
+        self._refused = np.array(refused, np.int64)
+        return np.array(nodes, np.int64), np.full(len(nodes), kinds.NO_ITEM)
+
+    def _certified(
+        self, q: np.ndarray, nodes: Iterable[int]
+    ) -> tuple[list[int], list[int]]:
+        """Return the first nodes that q can go to, past what stands still.
+
+        At most `moving_connections` of them, and those before them that are refused.
+        """
+        good, refused = [], []
+        for node in nodes:
+            dq = self.frame.difference(q, self.roadmap.nodes[node])
+            free = self.frame.static.motion_free(q, dq)
+            (good if free else refused).append(node)
             if len(good) == self.settings.moving_connections:
                 break
-        nodes, self._refused = np.array(good, np.int64), np.array(refused, np.int64)
-        return nodes, np.full(len(nodes), kinds.NO_ITEM)
+        return good, refused
 
     def _between(
         self, q: np.ndarray, ids: np.ndarray, outward: bool

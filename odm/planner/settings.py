@@ -84,6 +84,11 @@ class PlannerSettings(CheckedSettings):
                 "names; change it in PlannerSettings"
             )
 
+    @property
+    def wary_clearance(self) -> float:
+        """What a new path keeps more where it can [m]; 0 without a history."""
+        return self.history_clearance if self.history_s else 0.0
+
 
 @dataclass(frozen=True)
 class AttachSettings(CheckedSettings):

@@ -95,7 +95,7 @@ class Smoother(Remembering):
         self.settings = settings = SmoothingSettings()
         self.frame, self.path, self.attacher = frame, path, attacher
         self.smoothing_clearance = wanted.smoothing_clearance
-        self.history_clearance = wanted.history_clearance if wanted.history_s else 0.0
+        self.history_clearance = wanted.wary_clearance
         robot, cell_map = frame.robot, frame.cell_map
         limits = [
             settings.speed_share * robot.max_velocity,

@@ -11,6 +11,7 @@ import numpy as np
 
 from odm import ReactivePlanner
 from odm.execution.executor import BRAKED, RETREATING, SLOWED
+from sim.bench.driven_oracle import trips_driven
 from sim.bench.trip_oracle import TripOracle
 from sim.loop.loop import Frame, exact_audit
 from sim.loop.run_result import RunResult
@@ -19,7 +20,7 @@ from sim.people.human_motion import HumanMotion
 _EVERY = 10  # frames, of those in which it stands, between two that are asked
 _PACES = {"slowed": (SLOWED, BRAKED), "evading": (RETREATING,)}
 _STANDING = ("taken", "pinned", "no way", "waits")  # names that fit a terminal
-_ORACLES = ("possible", "by sight", "stops", "yields")
+_ORACLES = ("possible", "by sight", "stops", "yields", "drives")
 _COLUMNS = (*_ORACLES, "trips", "detour", *_PACES, *_STANDING)
 
 
@@ -48,6 +49,7 @@ def lost_time(
 
     Those "by sight" are of one who sees the person as they are, and not what comes;
     who "stops" has to be able to besides, and who "yields" gets out of the way, too.
+    Who "drives" does that with the dynamics of our robot.
 
     "trips" is what those made take a robot with nobody about; "detour" the rest of the
     time at full speed: longer ways, more corners, ways begun in vain. It stands since
@@ -80,6 +82,7 @@ def lost_time(
         oracle.trips_by_sight(*run),
         oracle.trips_with_stops(*run),
         oracle.trips_with_stops(*run, yields=True),
+        trips_driven(oracle, human, result.duration_s),
     )
     whole = result.duration_s / trip_s
     return shares | {k: n / whole for k, n in zip(_ORACLES, trips, strict=True)}

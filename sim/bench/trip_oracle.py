@@ -19,7 +19,7 @@ out of the way of who comes along any straight motion that is free, as a robot d
 
 import heapq
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -31,6 +31,7 @@ from odm import ReactivePlanner
 from odm.audit.exact import ExactRobot, capsule_obstacles
 from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, Watcher
+from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import difference
 
 _JOINED = 24  # nodes that a configuration is joined to
@@ -100,9 +101,10 @@ class TripOracle:
         self, planner: ReactivePlanner, places: np.ndarray, speed_scale: float
     ) -> None:
         """Join the places to the roadmap, and measure all ways with nobody about."""
-        self.planner, self._exact = planner, ExactRobot(planner.robot)
-        self._scale, self._speed = speed_scale, speed_scale * planner.robot.max_velocity
-        self._m = planner.cell_map.safety.m
+        self.planner, self.exact = planner, ExactRobot(planner.robot)
+        self.scale, self._speed = speed_scale, speed_scale * planner.robot.max_velocity
+        self.m = planner.cell_map.safety.m
+        self.places = np.array(places)
         roadmap = planner.cell_map.roadmap
         self._q, self._ways = list(roadmap.nodes), [[] for _ in roadmap.nodes]
         for a, b in roadmap.edges.tolist():
@@ -150,7 +152,7 @@ class TripOracle:
         while now < seconds:
             here, now = now, min(now + _LOOK, seconds)
             while True:
-                way = self._way_by_sight(way, q, to, person(here))
+                way = self.way_by_sight(way, q, to, person(here))
                 leaves = max(here, begin)
                 if not way or leaves >= now:
                     break
@@ -160,8 +162,7 @@ class TripOracle:
                     break
                 trips, way, to = trips + 1, [], (to + 1) % len(self._places)
                 begin = leaves + needed + max(trip_s - self.way_alone(to), 0.0)
-        left = self._time(q, self._q[self._places[to]]) / self.way_alone(to)
-        return trips + max(0.0, 1.0 - left)
+        return trips + self.done(q, to)
 
     def trips_with_stops(
         self, person: PersonAt, seconds: float, trip_s: float, yields: bool = False
@@ -187,8 +188,8 @@ class TripOracle:
             if rider.out or len(ahead) < 2:
                 ahead = []
             if looks:
-                ahead = self._way_by_sight(ahead, rider.way[0], to, rows)
-            if now >= begin and self._rides(rider, ahead, threat, self._m):
+                ahead = self.way_by_sight(ahead, rider.way[0], to, rows)
+            if now >= begin and self._rides(rider, ahead, threat, self.m):
                 rider.out = False
                 ahead = rider.way
                 if len(ahead) == 1:
@@ -201,15 +202,24 @@ class TripOracle:
                 rider.way, rider.speed = self._after(rider, rider.way, 0.0)
                 if rider.speed >= _STANDS:
                     ahead = rider.way
-        left = self._time(rider.way[0], self._q[self._places[to]]) / self.way_alone(to)
-        return trips + max(0.0, 1.0 - left)
+        return trips + self.done(rider.way[0], to)
 
     def leads_on(self, q: np.ndarray, place: int, capsules: np.ndarray) -> bool:
         """Whether a way leads from q (dof,) to a place past a person who stays."""
         return bool(self._past(q, place, capsules, _MOST_TESTS)[1])
 
-    def _way_by_sight(
-        self, way: list[np.ndarray], q: np.ndarray, place: int, capsules: np.ndarray
+    def done(self, q: np.ndarray, place: int) -> float:
+        """Return how much of a trip to a place is done at q (dof,), in [0, 1]."""
+        left = self._time(q, self._q[self._places[place]]) / self.way_alone(place)
+        return max(0.0, 1.0 - left)
+
+    def way_by_sight(
+        self,
+        way: list[np.ndarray],
+        q: np.ndarray,
+        place: int,
+        capsules: np.ndarray,
+        takes: Callable[[list[np.ndarray]], float] | None = None,
     ) -> list[np.ndarray]:
         """Return the way from q to a place, past a person who stays; [] for none."""
         self._known.clear()
@@ -224,6 +234,8 @@ class TripOracle:
         time, other = self._past(q, place, capsules, _MOST_AT_A_LOOK)
         if not other:
             return way
+        if takes is not None:
+            return way if way and takes(other) > _SOONER * takes(way) else other
         present = sum(self._time(a, b) for a, b in legs)
         return way if way and time > _SOONER * present else other
 
@@ -231,7 +243,7 @@ class TripOracle:
         self, rider: "_Rider", place: int, threat: Threat, looks: bool
     ) -> bool:
         """Whether it goes on, or begins, to get out of the way of who comes."""
-        gap, twice = ExecutionSettings().yield_gap, 1.0 / self._scale
+        gap, twice = ExecutionSettings().yield_gap, 1.0 / self.scale
         if rider.out and len(rider.way) > 1:
             if self._rides(rider, rider.way, threat, gap, twice):
                 return True
@@ -239,34 +251,35 @@ class TripOracle:
             return False
         q = rider.way[0]
         coming = threat.likely(0.0, *_AHEAD)
-        if not self._exact.collides(q, capsule_obstacles(coming.capsules), self._m):
+        if not self.exact.collides(q, capsule_obstacles(coming.capsules), self.m):
             return False
-        way = self._way_out(q, place, threat)
+        way = self.way_out(q, place, [(t, threat.likely(t)) for t in _AHEAD])
         rider.out = bool(way) and self._rides(rider, way, threat, gap, twice)
         return rider.out
 
-    def _way_out(self, q: np.ndarray, place: int, threat: Threat) -> list[np.ndarray]:
+    def way_out(
+        self, q: np.ndarray, place: int, coming: Sequence[tuple[float, Obstacles]]
+    ) -> list[np.ndarray]:
         """Return the straight motion that keeps most from who comes, or [].
 
         Of those that keep plenty, it is the one from whose end the place is nearest.
         """
         ways = difference(self.planner.robot, q, self.planner.cell_map.roadmap.nodes)
-        needs = (np.abs(ways) / (self._speed / self._scale)).max(axis=1)
-        coming = [capsule_obstacles(threat.likely(t).capsules) for t in _AHEAD]
-        most = self._m + _PLENTY
+        needs = (np.abs(ways) / (self._speed / self.scale)).max(axis=1)
+        there = [(t, capsule_obstacles(who.capsules)) for t, who in coming]
+        most = self.m + _PLENTY
 
         def keeps(way: np.ndarray, needed: float) -> float:
-            done = [min(t / max(needed, 1e-9), 1.0) for t in _AHEAD]
             near = (
-                self._exact.distance(q + way * share, there, cap=most).distance
-                for share, there in zip(done, coming, strict=True)
+                self.exact.distance(q + way * min(t / needed, 1.0), who, cap=most)
+                for t, who in there
             )
-            return min(near)
+            return min(each.distance for each in near)
 
         stays = keeps(np.zeros_like(q), 1.0)
         found = []
         for k in np.argsort(needs, kind="stable")[:_OUT].tolist():
-            kept = keeps(ways[k], needs[k])
+            kept = keeps(ways[k], max(needs[k], 1e-9))
             if kept > stays:
                 found.append((-kept, self._left[place][k], k))
         for _, _, k in sorted(found):
@@ -307,7 +320,7 @@ class TripOracle:
             if t not in there:
                 room, more = threat.between(t, t)
                 there[t] = None if more else capsule_obstacles(room.capsules)
-            if there[t] is None or self._exact.collides(way[0], there[t], gap):
+            if there[t] is None or self.exact.collides(way[0], there[t], gap):
                 return False
             if speed < _STANDS or len(way) == 1:
                 return True
@@ -480,7 +493,7 @@ class TripOracle:
         return True
 
     def _keeps_clear(self, q: np.ndarray, t: float, person: PersonAt) -> bool:
-        return not self._exact.collides(q, self._person(person, t), self._m)
+        return not self.exact.collides(q, self._person(person, t), self.m)
 
     def _is_proved(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Whether a motion is free of limits, the robot itself and the scenery."""

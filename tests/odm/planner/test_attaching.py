@@ -196,3 +196,25 @@ def test_nodes_that_a_moving_robot_was_refused_are_not_tried_again(
         counts.append(len(now))
     assert 0 < counts[0] < counts[1]  # a few without cells, then more of them
     assert len(seen) == len(set(seen))
+
+
+def test_a_robot_that_moves_leaves_by_no_motion_close_past_somebody(small_map):
+    """Its motions have no cells that a search would be wary of."""
+    settings = PlannerSettings(search=0)
+    planner = odm.ReactivePlanner(small_map, settings=settings)
+    rng = np.random.default_rng(0)
+    frame, starts = planner.frame, planner.memory.start_connections
+    nodes = small_map.roadmap.nodes
+    planner.set_goals([AWAY])
+    seen = []
+    for _ in range(60):
+        q = HOME + rng.uniform(-0.3, 0.3, 3)
+        hand = tool_pose(planner.robot, q)[:3, 3] + rng.uniform(-0.2, 0.2, 3)
+        planner.step(odm.Obstacles(capsules=np.r_[hand, hand, 0.04][None]), q=HOME)
+        planner.attacher.attach_start(q, without_cells=True)
+        ends = nodes[starts.node[: int(starts.count[0])]]
+        legs = [frame.difference(q, end) for end in ends]
+        wide = [frame.motion_clear(q, leg, None, 0.03) for leg in legs]
+        seen.append((any(wide), all(wide)))
+    assert (True, False) not in seen
+    assert {(True, True), (False, False)} <= set(seen)

@@ -34,7 +34,7 @@ def test_timed_runs_say_where_the_time_goes_and_others_do_not(map_dir):
     (table,) = timed["tables"]
     assert [row[0] for row in table["rows"]] == ["hover"]
     lost = dict(timed["runs"][1]["lost"])
-    for oracle in ("by sight", "stops", "yields"):
+    for oracle in ("by sight", "stops", "yields", "drives"):
         assert 0.0 <= lost.pop(oracle) <= 1.0
     assert 0.0 < lost.pop("possible") <= 1.0 and np.isclose(sum(lost.values()), 1.0)
     assert np.isclose(lost["trips"], timed["runs"][1]["trips"] * _alone(timed) / 2.0)

@@ -184,6 +184,7 @@ def test_shares_tell_why_it_stood_and_sum_to_the_whole(planner, places):
     possible, by_sight = shares.pop("possible"), shares.pop("by sight")
     assert 0.0 <= by_sight <= possible <= 1.0
     assert 0.0 <= shares.pop("stops") <= shares.pop("yields") <= by_sight
+    assert 0.0 <= shares.pop("drives") <= 1.0
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["slowed"] == pytest.approx(30 / 400)
     assert shares["evading"] == pytest.approx(20 / 400)
@@ -199,6 +200,7 @@ def test_the_table_has_a_row_for_each_motion_with_the_means_of_its_runs():
         "by sight",
         "stops",
         "yields",
+        "drives",
         "trips",
         "detour",
         "slowed",
