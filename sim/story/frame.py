@@ -152,7 +152,7 @@ class Seen:
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
         instead: How far the person's other hand is held out, and farther than that
-            one, compared with the first frame [m].
+            one, compared with the first frame that showed both, for who gives [m].
         T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
             place of late [m]; None: it is not seen.
         object_speed: [m/s].
@@ -243,7 +243,8 @@ class Sight:
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
-        gaps = gap, self._instead(rows, labels)
+        asked = self.settings.direction == "give"
+        gaps = gap, self._instead(rows, labels) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
         seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
@@ -301,6 +302,8 @@ class Sight:
             if not (len(hand) and len(torso)):
                 return 0.0
             off = _center(hand) - _center(torso)
+            if not np.isfinite(off).all():
+                return 0.0
             began = self._began.setdefault(side, off)
             come[side] = self._far(_center(torso) + began) - self._far(_center(hand))
         other = come[OTHER_SIDE[self.side]]

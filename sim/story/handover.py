@@ -546,7 +546,7 @@ class Handover:
         """Whether it is the other hand that comes; the expected one is not there."""
         far = self.conduct.instead
         is_there = seen.hand_gap < far or self._pull.pulls
-        return self._give and seen.instead > far and not is_there
+        return seen.instead > far and not is_there
 
     def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""

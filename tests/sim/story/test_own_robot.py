@@ -134,9 +134,13 @@ def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, s
         elbow = max(angle, 0)
         reaching = reaching.with_arm(one, np.radians([angle, 0, 0, elbow, 0, 0, 0]))
 
+    unseen = np.full((len(human.labels), 7), np.nan)
+
     def look(story, now, opened, closed):
         who = human if now < 3.0 else reaching
-        return sim.StoryFrame(now, who, pulled(0.0), opened, holds=True)
+        rows = None if now else unseen  # the tracker knows nobody at first
+        told = dict(holds=True, capsules=rows)
+        return sim.StoryFrame(now, who, pulled(0.0), opened, **told)
 
     tell(story, 4.5, look)
     told = [e for e in story.events if e.signal == "other_hand"]
@@ -145,6 +149,13 @@ def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, s
     arm = story.sight.parts(human.labels)[1]
     assert set(human.labels[arm]) == set(ARM_LABELS[side])
     assert [e.time_s for e in told] == pytest.approx([3.5] * len(told), abs=0.05)
+
+
+def test_who_gives_something_is_not_asked_for_the_other_hand(maps):
+    story, human = story_of(maps, "receive")
+    reaching = human.with_arm("left", np.radians([60, 0, 0, 60, 0, 0, 0]))
+    frames = [sim.StoryFrame(0.1 * k, who) for k, who in enumerate((human, reaching))]
+    assert [story.sight.look(frame, 0.1).instead for frame in frames] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 2.0), (np.pi, 0.0, 0.3), (0.0, -1.57, 0)])
