@@ -569,17 +569,16 @@ class Handover:
         closing = self.state == table.CLOSE
         if closing:  # while the fingers close, it may give way a little
             moved = moved and not self.hand.holding and self.hand.fingers == OPEN
+        steady = self._lasts("steady", still, seen.dt, s.steady_s)
+        between = seen.object_speed < s.still_speed and self.hand.is_between(T)
+        lasts = self._lasts("between", between, seen.dt, s.steady_s)
+        stopped = closing and executor.state == BRAKED and steady  # it would creep on
         return {
             "arrived": off < self.conduct.arrived and executor.at_rest and not moved,
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
-            "steady": self._lasts("steady", still, seen.dt, s.steady_s),
-            "between": self._lasts(
-                "between",
-                seen.object_speed < s.still_speed and self.hand.is_between(T),
-                seen.dt,
-                s.steady_s,
-            ),
+            "steady": steady,
+            "between": lasts or (between and stopped),
         }
 
     def _lasts(self, name: str, holds: bool, dt: float, least: float) -> bool:

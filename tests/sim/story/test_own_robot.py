@@ -717,6 +717,30 @@ def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
     assert story.outcome == "handed over" and story.events[0].signal == "between"
 
 
+@pytest.mark.parametrize("pace", [BRAKED, MOVING])
+def test_who_creeps_with_the_object_between_the_fingers_closes_them(
+    maps, monkeypatch, pace
+):
+    """Where noise lets it go on for a frame or two at a time it crept for seconds."""
+    node = int(np.abs(maps[2].T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6]).sum(1).argmin())
+    story, human = story_of(maps, "receive", node=node, before=0.01)
+    T = maps[2].T_base_tool[node] @ story.targets.meet.obj.T_tool_object
+    story.machine.state, story.offer.reaches._T = "close", T
+    story._enter()
+    frames = list(range(30))
+    creeps = property(lambda self: len(frames) % 5 == 0)
+    monkeypatch.setattr(Executor, "at_rest", creeps)
+    for name in ("update", "advance"):
+        monkeypatch.setattr(Executor, name, lambda *told: None)
+    story.executor.state = pace
+    while frames.pop():
+        now = PERIOD * (30 - len(frames))
+        story.update(sim.StoryFrame(now, human, None, True, False, T))
+    told = [(e.state, e.signal) for e in story.events]
+    assert told == [("close", "between")] * (pace == BRAKED)
+    assert story.fingers == ("closed" if pace == BRAKED else "open")
+
+
 @pytest.fixture
 def narrow(monkeypatch):
     """Let the maps have room for an object nowhere but where a wrench is held."""
