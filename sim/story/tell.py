@@ -61,6 +61,8 @@ def tell_story(
     with Bars("placing robot, object and person"):
         obj = None if thing is None else own_object(cell_map, pads, thing)
         setup = setup_of(cell_map, reach, obj, pads=pads)
+        if person is not None and setup.side not in person.sides:
+            setup = replace(setup, side=person.sides[0])
         wrist, note = wrist_of(setup)
         run = _run_of(request, setup, wrist, live.person if live else person)
     say(_said_before(setup, run, note))

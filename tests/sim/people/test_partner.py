@@ -166,6 +166,19 @@ def test_who_was_recorded_without_legs_has_them_for_the_robot_all_the_same(legs)
         assert np.allclose(rows[labels == part], mine)
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_either_hand_of_who_was_recorded_takes_what_it_comes_near_to(side):
+    body = Human().placed(0.8, 0.0, np.pi)
+    body = body.with_arm(side, np.radians([60, 20, 0, 60, 0, 0, 0]))
+    person = RecordedPartner(
+        SimpleNamespace(human=lambda t: body), "right", OBJ, PartnerTraits()
+    )
+    T = body.T_world_hand(side)
+    person.step(0.0, T, True, "closed", True)
+    assert person.holds and person.side == side
+    assert np.allclose(person.T_world_object, T)
+
+
 def test_a_summary_tells_of_an_object_that_touched_somebody():
     result = StoryResult(None, True, "done", cpu_s=[0.001], closest=0.1)
     assert "of the object" not in summary_of(result)

@@ -123,23 +123,27 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
-@pytest.mark.parametrize("lifted, side", [
-    ({"left": 60}, "left"), ({"right": 60}, "right"),
-    ({"left": 60, "right": 60}, "right"), ({"right": -40}, "right"),
+@pytest.mark.parametrize("lifted, side, armless", [
+    ({"left": 60}, "left", ""), ({"left": 60}, "left", "right"), ({}, "right", "left"),
+    ({"right": 60}, "right", ""), ({"left": 60, "right": 60}, "right", ""),
+    ({"right": -40}, "right", ""),
 ])  # fmt: skip
-def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, side):
+def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(
+    maps, lifted, side, armless
+):
     story, human = story_of(maps)
     reaching = human
     for one, angle in lifted.items():
         elbow = max(angle, 0)
         reaching = reaching.with_arm(one, np.radians([angle, 0, 0, elbow, 0, 0, 0]))
 
-    unseen = np.full((len(human.labels), 7), np.nan)
+    kept = ~np.isin(human.labels, ARM_LABELS.get(armless, ()))
 
     def look(story, now, opened, closed):
         who = human if now < 3.0 else reaching
-        rows = None if now else unseen  # the tracker knows nobody at first
-        told = dict(holds=True, capsules=rows)
+        rows = who.capsules()[kept]
+        rows = rows if now else np.nan * rows  # the tracker knows nobody at first
+        told = dict(holds=True, capsules=rows, labels=human.labels[kept])
         return sim.StoryFrame(now, who, pulled(0.0), opened, **told)
 
     tell(story, 4.5, look)
