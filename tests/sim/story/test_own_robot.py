@@ -18,14 +18,23 @@ from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.stop_test import BrakingTest, slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from odm.frame.carrying import Carrier
+from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
+from sim.people.whole_person import BASE_HEIGHT
 from sim.story import robot_hand as hand_module
-from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
+from sim.story.cases import (
+    LIVE,
+    StoryCase,
+    grasp_spare,
+    setup_of,
+    slow_to_stop,
+    story_wrench,
+)
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine, Step
 from sim.story.play import new_story
@@ -1418,6 +1427,17 @@ def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(
         targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
         spare.append(targets.settings.spare_m)
     assert spare[0] > 0.015 and spare[1] == LIVE.spare_m
+
+
+def test_nothing_is_handed_over_below_the_table(maps):
+    """Of who sits at it the best places were below, and no other was looked at."""
+    setup = setup_of(*maps[:2], place=False, pads=["flange"])
+    table = parse_scenery(({"type": "plane", "normal": [0, 0, 1], "offset": 0.0},))
+    setup = replace(setup, cell_map=replace(maps[0], scenery=table))
+    sits = StoryCase(base_height=BASE_HEIGHT + 0.4).body()
+    found = setup.meet(sits).best(40)
+    rods = [moved_rods(setup.obj.capsules, one.T_world_object) for one in found]
+    assert found and all((r[:, [2, 5]] > r[:, 6:]).all() for r in rods)
 
 
 def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
