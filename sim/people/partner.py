@@ -446,10 +446,11 @@ class RecordedPartner:
         """Move on to a moment and return the person; see `Partner.step`."""
         self.human = self.person.human(now)
         if not self.holds and offered:
-            for side in ARM_LABELS:
+            for side in (self.side, *ARM_LABELS):
                 off = self.human.T_world_hand(side)[:3, 3] - T_object[:3, 3]
                 if np.linalg.norm(off) < self.NEAR:
                     self.side, self.holds, self.bump_at = side, True, now
+                    break
         if self.holds and held:
             T = self.human.T_world_hand(self.side)
             self._T_hand_object = np.linalg.inv(T) @ T_object

@@ -166,8 +166,11 @@ def test_who_was_recorded_without_legs_has_them_for_the_robot_all_the_same(legs)
         assert np.allclose(rows[labels == part], mine)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_either_hand_of_who_was_recorded_takes_what_it_comes_near_to(side):
+@pytest.mark.parametrize("side, near", [("left", 0.08), ("right", 0.08), ("right", 3)])
+def test_either_hand_of_who_was_recorded_takes_what_it_comes_near_to(
+    monkeypatch, side, near
+):
+    monkeypatch.setattr(RecordedPartner, "NEAR", near)  # 3 m: both are, one is expected
     body = Human().placed(0.8, 0.0, np.pi)
     body = body.with_arm(side, np.radians([60, 20, 0, 60, 0, 0, 0]))
     person = RecordedPartner(
