@@ -11,6 +11,8 @@ from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.transforms import pose_of
 from sim.people.partner import Partner, PartnerTraits, RecordedPartner
+from sim.story import tell
+from sim.story.cases import StorySetup
 from sim.story.play import StoryResult
 from sim.story.request import DemoRequest
 from sim.story.tell import summary_of
@@ -180,6 +182,19 @@ def test_either_hand_of_who_was_recorded_takes_what_it_comes_near_to(
     person.step(0.0, T, True, "closed", True)
     assert person.holds and person.side == side
     assert np.allclose(person.T_world_object, T)
+
+
+@pytest.mark.parametrize(
+    "sides, side", [(("left",), "left"), (("right", "left"), "right")]
+)
+def test_who_has_one_arm_only_is_expected_to_take_with_that(monkeypatch, sides, side):
+    told = []
+    monkeypatch.setattr(tell, "setup_of", lambda *_, **__: StorySetup(*5 * [None]))
+    monkeypatch.setattr(tell, "wrist_of", lambda setup: 1 / told.append(setup.side))
+    with pytest.raises(TypeError):  # no further
+        person = SimpleNamespace(sides=sides)
+        tell.tell_story(DemoRequest("handover"), None, None, person=person)
+    assert told == [side]
 
 
 def test_a_summary_tells_of_an_object_that_touched_somebody():
