@@ -40,6 +40,7 @@ from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine, S
 from sim.story.play import new_story
 from sim.story.robot_hand import check_grasps, held_farther_out, quarter_turns, too_near
 from sim.story.settings import PARTNER, GraspingSettings
+from sim.story.tell import said_before
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -1438,6 +1439,17 @@ def test_nothing_is_handed_over_below_the_table(maps):
     found = setup.meet(sits).best(40)
     rods = [moved_rods(setup.obj.capsules, one.T_world_object) for one in found]
     assert found and all((r[:, [2, 5]] > r[:, 6:]).all() for r in rods)
+
+
+def test_what_was_guessed_of_a_recording_is_told_before_it_is_played(maps):
+    setup = setup_of(*maps[:2], place=False, pads=["flange"])
+    ends = SimpleNamespace(notes=("taken as cm",), ending=lambda s: f"{s} s are more")
+    story = SimpleNamespace(settings=sim.StorySettings())
+    for person, told in ((ends, ["taken as cm", "30.0 s are more"]), (None, [])):
+        partner = SimpleNamespace(person=person)
+        run = SimpleNamespace(case=StoryCase(), partner=partner, story=story)
+        said = said_before(setup, run, "forces", 30.0).splitlines()
+        assert said[0].endswith("give: forces") and said[1 : 1 + len(told)] == told
 
 
 def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
