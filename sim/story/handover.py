@@ -344,7 +344,7 @@ class Handover:
         self._no_time = ""
         if self._now is None:
             self._now = now if math.isfinite(now) else 0.0
-            self.machine.since = self._now
+            self.machine.begin(self._now)
             return self.executor.period
         passed = now - self._now
         if 0.0 < passed <= self.conduct.leap_s:
@@ -361,7 +361,7 @@ class Handover:
 
     def _leap(self, passed: float) -> None:
         """Let some time [s] not count for what began before."""
-        self.machine.since += passed
+        self.machine.leap(passed)
         self._begun = None if self._begun is None else self._begun + passed
 
     def _look(self, frame: StoryFrame) -> Seen:
