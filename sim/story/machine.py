@@ -149,6 +149,7 @@ RECEIVE = (
     Row(WAIT, "steady", CLOSE, "the object is held still"),
     Row(WAIT, "late", RETREAT, "the object never came to rest", True),
     Row(CLOSE, "between", CLOSE, "stopped on its way, the object between the fingers"),
+    Row(CLOSE, "lost", RETREAT, "the object was dropped, or taken back", True),
     Row(CLOSE, "missed", RETREAT, "the hand let go too early", True),
     Row(CLOSE, "free", RETREAT, "the object is in the robot's hand"),
     Row(CLOSE, "moved", APPROACH, "the object was drawn back: it follows", True),

@@ -126,6 +126,7 @@ FAILURES = [  # what goes wrong, and the way back
     ("receive", m.PUT_DOWN, ["unreached"], [m.KEPT]),
     ("receive", m.PUT_DOWN, ["late", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["missed", "away"], [m.RETREAT, m.DONE]),
+    ("receive", m.CLOSE, ["lost", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["blocked", "arrived"], [m.APPROACH, m.WAIT]),
     ("receive", m.CLOSE, ["in_vain", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["late", "away"], [m.RETREAT, m.DONE]),

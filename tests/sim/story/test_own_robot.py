@@ -1002,6 +1002,14 @@ def test_an_object_pushed_against_the_hand_is_left_and_never_pressed(maps):
     assert view.blocked_leg(path, -m, odm.Obstacles(capsules=rows)) == 0
 
 
+def test_what_is_dropped_before_its_giver_has_let_go_is_told_at_once(maps):
+    """It waited for them to let go of what nobody held, and said that they held on."""
+    story, states = receive(maps, lambda story: not story.holding, tug=12.0, gone=2.0)
+    assert states == ["wait", "close", "retreat", "done"]
+    assert story.outcome == "the object was dropped, or taken back"
+    assert story.events[2].time_s - story.events[1].time_s < 2.0
+
+
 def test_a_giver_who_holds_on_gets_it_back(maps):
     def held_at(story):
         return story.fingers == "closed"
