@@ -4,15 +4,17 @@ A constraint is anything with `allows(T_world_object, obj)` that takes poses (n,
 and returns (n,) bool, so that thousands are judged in one call.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from handover.meet.held_object import HeldObject
+from odm.obstacles.scenery import BOX, PLANE, Scenery
 from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number
+from roadmap.transforms import inverse_pose
 
 
 class Constraint(Protocol):
@@ -106,6 +108,38 @@ class Inside:
         p = T_world_object[:, :3, 3]
         inside = ((p >= self.lower) & (p <= self.upper)).all(axis=1)
         return ~inside if self.outside else inside
+
+
+@dataclass(frozen=True, eq=False)
+class ClearOf:
+    """The object is not in what stands still: the ground, a table, a wall.
+
+    Half-spaces and boxes count, against the ends of the object's capsules. What else is
+    in the way the planner finds out, place by place.
+
+    Attributes:
+        scenery: Base frame, as `odm.CellMap.scenery`.
+        T_world_base: (4, 4) where the base is [m], as `MeetSettings.T_world_base`.
+    """
+
+    scenery: Scenery
+    T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
+        """Return which poses keep the ends of every capsule out of all of it."""
+        T = inverse_pose(self.T_world_base) @ T_world_object
+        clear = np.ones(len(T), bool)
+        solids = self.scenery.solids
+        for rod in obj.capsules:
+            for end in (rod[:3], rod[3:6]):
+                p = T[:, :3, :3] @ end + T[:, :3, 3]
+                for row in solids[solids[:, 0] == PLANE]:
+                    clear &= p @ row[1:4] > row[4] + rod[6]
+                for row in solids[solids[:, 0] == BOX]:
+                    local = (p - row[1:4]) @ row[4:13].reshape(3, 3)
+                    out = np.maximum(np.abs(local) - row[13:16], 0.0)
+                    clear &= np.linalg.norm(out, axis=1) > rod[6]
+        return clear
 
 
 def allowed(

@@ -397,11 +397,11 @@ class Partner:
 class RecordedPartner:
     """Somebody out of a recording, who does not know of the robot.
 
-    Where the recorded hand comes near to what is held out, it takes it and pulls.
+    Where a recorded hand comes near to what is held out, it takes it and pulls.
 
     Args:
         person: With `human(t)`, a `sim.people.whole_person.RecordedPerson`.
-        side: The hand.
+        side: The hand that is expected to; `side` is the one that does.
         obj: What is handed over.
         traits: How it pulls.
 
@@ -445,11 +445,14 @@ class RecordedPartner:
     ) -> Human:
         """Move on to a moment and return the person; see `Partner.step`."""
         self.human = self.person.human(now)
-        T = self.human.T_world_hand(self.side)
         if not self.holds and offered:
-            if np.linalg.norm(T[:3, 3] - T_object[:3, 3]) < self.NEAR:
-                self.holds, self.bump_at = True, now
+            for side in (self.side, *ARM_LABELS):
+                off = self.human.T_world_hand(side)[:3, 3] - T_object[:3, 3]
+                if np.linalg.norm(off) < self.NEAR:
+                    self.side, self.holds, self.bump_at = side, True, now
+                    break
         if self.holds and held:
+            T = self.human.T_world_hand(self.side)
             self._T_hand_object = np.linalg.inv(T) @ T_object
             grown = (now - self.bump_at - 0.3) * self.traits.pull_ramp
             self.pull = min(self.traits.pull, max(0.0, grown))

@@ -9,6 +9,7 @@ import numpy as np
 from handover import Human, InteractionWorkspace, MeetSettings, ReachMap
 from handover.grasps.held_mesh import held_mesh
 from handover.grasps.objects import GraspObject
+from handover.meet.constraints import ClearOf
 from handover.meet.held_object import HeldObject, wrench
 from handover.meet.workspace import Target
 from handover.targets.live_targets import LiveTargets
@@ -197,7 +198,8 @@ class StorySetup:
 
     def meet(self, human: Human) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        settings = MeetSettings(side=self.side)
+        clear = (ClearOf(self.cell_map.scenery),)
+        settings = MeetSettings(side=self.side, constraints=clear)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def targets(

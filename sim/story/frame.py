@@ -152,7 +152,7 @@ class Seen:
             nothing is between the fingers, which what is there moves with.
         hand_gap: From the receiving hand to the object [m].
         instead: How far the person's other hand is held out, and farther than that
-            one, compared with the first frame [m].
+            one, compared with the first frame that showed it, for who gives [m].
         T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
             place of late [m]; None: it is not seen.
         object_speed: [m/s].
@@ -243,7 +243,8 @@ class Sight:
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
-        gaps = gap, self._instead(rows, labels)
+        asked = self.settings.direction == "give"
+        gaps = gap, self._instead(rows, labels) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
         seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
@@ -295,16 +296,16 @@ class Sight:
 
         Out is toward the robot's base, across gravity, from where it was at first.
         """
-        torso, come = rows[labels == Part.TORSO], {}
+        torso, come = rows[labels == Part.TORSO], dict.fromkeys(ARM_LABELS, 0.0)
         for side, (part, *_) in ARM_LABELS.items():
             hand = rows[labels == part]
             if not (len(hand) and len(torso)):
-                return 0.0
+                continue  # a hand that is not seen is not held out
             off = _center(hand) - _center(torso)
-            began = self._began.setdefault(side, off)
-            come[side] = self._far(_center(torso) + began) - self._far(_center(hand))
-        other = come[OTHER_SIDE[self.side]]
-        return other - max(0.0, come[self.side])
+            if np.isfinite(off).all():
+                began = _center(torso) + self._began.setdefault(side, off)
+                come[side] = self._far(began) - self._far(_center(hand))
+        return come[OTHER_SIDE[self.side]] - max(0.0, come[self.side])
 
     def _far(self, place: np.ndarray) -> float:
         """Return how far a place (3,) is from the base's origin, across gravity [m]."""

@@ -344,7 +344,7 @@ class Handover:
         self._no_time = ""
         if self._now is None:
             self._now = now if math.isfinite(now) else 0.0
-            self.machine.since = self._now
+            self.machine.begin(self._now)
             return self.executor.period
         passed = now - self._now
         if 0.0 < passed <= self.conduct.leap_s:
@@ -361,7 +361,7 @@ class Handover:
 
     def _leap(self, passed: float) -> None:
         """Let some time [s] not count for what began before."""
-        self.machine.since += passed
+        self.machine.leap(passed)
         self._begun = None if self._begun is None else self._begun + passed
 
     def _look(self, frame: StoryFrame) -> Seen:
@@ -546,7 +546,7 @@ class Handover:
         """Whether it is the other hand that comes; the expected one is not there."""
         far = self.conduct.instead
         is_there = seen.hand_gap < far or self._pull.pulls
-        return self._give and seen.instead > far and not is_there
+        return seen.instead > far and not is_there
 
     def _signals_of_place(self, seen: Seen, q: np.ndarray) -> dict[str, bool]:
         """Return what holds of where to go, for a robot at q (dof,)."""
@@ -569,17 +569,16 @@ class Handover:
         closing = self.state == table.CLOSE
         if closing:  # while the fingers close, it may give way a little
             moved = moved and not self.hand.holding and self.hand.fingers == OPEN
+        steady = self._lasts("steady", still, seen.dt, s.steady_s)
+        between = seen.object_speed < s.still_speed and self.hand.is_between(T)
+        lasts = self._lasts("between", between, seen.dt, s.steady_s)
+        stopped = closing and executor.state == BRAKED and steady  # it would creep on
         return {
             "arrived": off < self.conduct.arrived and executor.at_rest and not moved,
             "moved": moved,
             "left": self._lasts("left", T is None, seen.dt, s.leave_s),
-            "steady": self._lasts("steady", still, seen.dt, s.steady_s),
-            "between": self._lasts(
-                "between",
-                seen.object_speed < s.still_speed and self.hand.is_between(T),
-                seen.dt,
-                s.steady_s,
-            ),
+            "steady": steady,
+            "between": lasts or (between and stopped),
         }
 
     def _lasts(self, name: str, holds: bool, dt: float, least: float) -> bool:

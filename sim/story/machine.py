@@ -15,6 +15,8 @@ FETCH, APPROACH, PRESENT, WAIT = "fetch", "approach", "present", "wait"
 RELEASE, CLOSE, RETREAT, PUT_DOWN = "release", "close", "retreat", "put_down"
 DONE, KEPT = "done", "kept"
 ENDS = DONE, KEPT
+STANDS = PRESENT, WAIT  # before the person, for as long as it is patient
+BRIEF_S = 0.5  # away from there for no longer, it has been there all the while
 DIRECTIONS = "give", "receive"
 
 
@@ -146,6 +148,8 @@ RECEIVE = (
     Row(WAIT, "moved", APPROACH, "the object moved: it follows"),
     Row(WAIT, "steady", CLOSE, "the object is held still"),
     Row(WAIT, "late", RETREAT, "the object never came to rest", True),
+    Row(CLOSE, "between", CLOSE, "stopped on its way, the object between the fingers"),
+    Row(CLOSE, "lost", RETREAT, "the object was dropped, or taken back", True),
     Row(CLOSE, "missed", RETREAT, "the hand let go too early", True),
     Row(CLOSE, "free", RETREAT, "the object is in the robot's hand"),
     Row(CLOSE, "moved", APPROACH, "the object was drawn back: it follows", True),
@@ -197,7 +201,8 @@ class Machine:
 
     Attributes:
         state: Where it is.
-        since: When it came there [s].
+        since: When it came there [s]; where it stands before the person, and has been
+            away for a moment only, when it came there first.
         reason: Why, as a person says it.
         events: All that happened.
 
@@ -207,6 +212,8 @@ class Machine:
 
     def __init__(self, rows: tuple[Row, ...], state: str) -> None:
         self.rows, self.state, self.since = rows, state, 0.0
+        self._before = "", 0.0  # the state before, and since when
+        self._came = 0.0  # when the state was entered [s]
         self.reason = ""
         self.events: list[StoryEvent] = []
         if state not in {row.state for row in rows}:
@@ -234,11 +241,25 @@ class Machine:
         failures = [e.reason for e in self.events if e.failure]
         return failures[-1] if failures else self.reason
 
+    def begin(self, now: float) -> None:
+        """Begin at a time [s]."""
+        self.since = self._came = now
+
+    def leap(self, passed: float) -> None:
+        """Let some time [s] not count."""
+        state, since = self._before
+        self._before = state, since + passed
+        self.since, self._came = self.since + passed, self._came + passed
+
     def step(self, signals: Collection[str], now: float) -> Row | None:
         """Take the first row that begins here and whose signal holds; return it."""
         for row in self.rows:
             if row.state == self.state and row.signal in signals:
-                self.state, self.since, self.reason = row.then, now, row.reason
+                state, since = self._before
+                back = row.then == state in STANDS and now - self._came < BRIEF_S
+                self._before, self._came = (self.state, self.since), now
+                self.state, self.since = row.then, since if back else now
+                self.reason = row.reason
                 args = (now, row.then, row.signal, row.reason, row.failure)
                 self.events.append(StoryEvent(*args))
                 return row

@@ -105,8 +105,12 @@ class Hand:
         self.holding = False
 
     def is_between(self, T_base_object: np.ndarray | None) -> bool:
-        """Whether an object is where a grasp would have it, while the robot stands."""
-        if T_base_object is None or self.holding or not self.executor.at_rest:
+        """Whether an object is where a grasp would have it, while the robot stands.
+
+        And its fingers are open.
+        """
+        stands = self.executor.at_rest and self.fingers == OPEN
+        if T_base_object is None or self.holding or not stands:
             return False
         T_tool_object = np.linalg.inv(self.T_base_tool()) @ T_base_object
         s = self.settings

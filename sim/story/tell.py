@@ -60,9 +60,12 @@ def tell_story(
     with Bars("placing robot, object and person"):
         obj = None if thing is None else own_object(cell_map, pads, thing)
         setup = setup_of(cell_map, reach, obj, pads=pads)
+        if person is not None and setup.side not in person.sides:
+            setup = replace(setup, side=person.sides[0])
         wrist, note = wrist_of(setup)
         run = _run_of(request, setup, wrist, live.person if live else person)
-    say(_said_before(setup, run, note))
+    lasts = request.lasts(patience_with(cell_map.robot))
+    say(said_before(setup, run, note, lasts))
     recorder, told = StoryRecorder(run), 0
 
     def tell(now: bool) -> None:
@@ -83,7 +86,6 @@ def tell_story(
                 page.hear(moment)
 
         if live is None:
-            lasts = request.lasts(patience_with(cell_map.robot))
             result = play(run, lasts, hear)
         else:
             result = live.play(run, hear)
@@ -107,10 +109,16 @@ def object_of(request: DemoRequest) -> GraspObject | None:
     return load_object(request.object, request.mass, request.scale or 1.0)
 
 
-def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
-    """Return what is to be known before the first frame, a line each."""
+def said_before(setup: StorySetup, run: StoryPlay, note: str, lasts: float) -> str:
+    """Return what is to be known before the first frame, a line each.
+
+    `note` is about the wrist; `lasts` is how long it is played at most [s].
+    """
     robot = setup.cell_map.robot
-    told = f"{robot.name}, {run.case.direction}: {note}"
+    told = [f"{robot.name}, {run.case.direction}: {note}"]
+    person = getattr(run.partner, "person", None)  # recorded, or moved by keys
+    told += getattr(person, "notes", ())
+    told.append(getattr(person, "ending", lambda lasts: None)(lasts))
     slow = slow_to_stop(robot, run.story.settings.threat)
     quick = [note for note in robot.notes if FASTER in note]
     more = f" (and {len(quick) - 1} joints more)" if len(quick) > 1 else ""
@@ -122,7 +130,7 @@ def _said_before(setup: StorySetup, run: StoryPlay, note: str) -> str:
             "a quick robot"
         )
     about = _about_place(setup, run), _about_envelope(setup)
-    return "\n".join(filter(None, (told, *about, slow, *quick, longer)))
+    return "\n".join(filter(None, (*told, *about, slow, *quick, longer)))
 
 
 def _about_place(setup: StorySetup, run: StoryPlay) -> str:

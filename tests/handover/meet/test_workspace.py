@@ -24,7 +24,9 @@ from handover import (
 )
 from handover.meet import _meet_bounds as bounds
 from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
+from handover.meet.constraints import ClearOf
 from handover.reach.robot_cells import robot_cells
+from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput
 from roadmap.jit_options import FULL
 from roadmap.transforms import pose_of
@@ -355,6 +357,31 @@ def test_constraints_are_those_of_the_object(meet_of, rng):
         kept = np.isin(free.keys, meet.keys)
         assert 0 < kept.sum() < len(kept)
         assert np.array_equal(meet.build(), free.build()[kept])
+
+
+@pytest.mark.parametrize("kind", ["plane", "box"])
+def test_what_stands_still_is_no_place_to_hand_over_in(meet_of, rng, kind):
+    tables = {
+        "plane": {"type": "plane", "normal": [0.0, 0.6, 0.8], "offset": 0.1},
+        "box": {"type": "box", "size": [0.5, 0.9, 0.6], "position": [0.4, 0.1, 0.2],
+                "rpy": [0.3, 0.2, 0.1]},
+    }  # fmt: skip
+    scenery = parse_scenery((tables[kind],))
+    human = somebody(rng, 0.7)
+    free, meet = meet_of(human), meet_of(human, constraints=[ClearOf(scenery, BASE)])
+    T, rods = free.grid.centers(free.keys) @ free.obj.T_tool_object, free.obj.capsules
+    kept = np.ones(len(T), bool)
+    for end in (rods[:, :3], rods[:, 3:6]):
+        p = (T[:, None, :3, :3] @ end[..., None])[..., 0] + T[:, None, :3, 3]
+        if kind == "plane":
+            off = p @ [0.0, 0.6, 0.8] - 0.1
+        else:
+            local = (p - [0.4, 0.1, 0.2]) @ pose_of((0, 0, 0), (0.3, 0.2, 0.1))[:3, :3]
+            out = np.abs(local) - [0.25, 0.45, 0.3]
+            off = np.linalg.norm(np.maximum(out, 0.0), axis=-1)
+        kept &= (off > rods[:, 6]).all(axis=1)
+    assert 0 < kept.sum() < len(kept)
+    assert np.array_equal(meet.keys, free.keys[kept])
 
 
 def test_the_cells_of_a_map_are_found_once_while_it_is_in_memory(robot_map):

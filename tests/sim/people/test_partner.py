@@ -11,6 +11,8 @@ from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from roadmap.transforms import pose_of
 from sim.people.partner import Partner, PartnerTraits, RecordedPartner
+from sim.story import tell
+from sim.story.cases import StorySetup
 from sim.story.play import StoryResult
 from sim.story.request import DemoRequest
 from sim.story.tell import summary_of
@@ -164,6 +166,35 @@ def test_who_was_recorded_without_legs_has_them_for_the_robot_all_the_same(legs)
         mine = body.capsules()[body.labels == part]
         mine[:, 6] += grown[labels == part]
         assert np.allclose(rows[labels == part], mine)
+
+
+@pytest.mark.parametrize("side, near", [("left", 0.08), ("right", 0.08), ("right", 3)])
+def test_either_hand_of_who_was_recorded_takes_what_it_comes_near_to(
+    monkeypatch, side, near
+):
+    monkeypatch.setattr(RecordedPartner, "NEAR", near)  # 3 m: both are, one is expected
+    body = Human().placed(0.8, 0.0, np.pi)
+    body = body.with_arm(side, np.radians([60, 20, 0, 60, 0, 0, 0]))
+    person = RecordedPartner(
+        SimpleNamespace(human=lambda t: body), "right", OBJ, PartnerTraits()
+    )
+    T = body.T_world_hand(side)
+    person.step(0.0, T, True, "closed", True)
+    assert person.holds and person.side == side
+    assert np.allclose(person.T_world_object, T)
+
+
+@pytest.mark.parametrize(
+    "sides, side", [(("left",), "left"), (("right", "left"), "right")]
+)
+def test_who_has_one_arm_only_is_expected_to_take_with_that(monkeypatch, sides, side):
+    told = []
+    monkeypatch.setattr(tell, "setup_of", lambda *_, **__: StorySetup(*5 * [None]))
+    monkeypatch.setattr(tell, "wrist_of", lambda setup: 1 / told.append(setup.side))
+    with pytest.raises(TypeError):  # no further
+        person = SimpleNamespace(sides=sides)
+        tell.tell_story(DemoRequest("handover"), None, None, person=person)
+    assert told == [side]
 
 
 def test_a_summary_tells_of_an_object_that_touched_somebody():

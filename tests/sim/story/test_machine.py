@@ -97,6 +97,20 @@ def test_what_is_put_between_the_fingers_is_taken_where_it_lies():
         assert not any(event.failure for event in machine.events)
 
 
+@pytest.mark.parametrize("away_s, since", [(0.01, 11.0), (0.7, 12.8)])
+@pytest.mark.parametrize("leaps", [0.0, 10.0])
+def test_who_stands_before_what_trembles_is_patient_once(away_s, since, leaps):
+    """It followed each tremble, and its time began anew: it stood there for ever."""
+    machine = m.Machine(TABLES["receive"], m.WAIT)
+    machine.begin(11.0 - leaps)
+    now = 11.0
+    for signal, passed in (("moved", 0.2), ("arrived", away_s)) * 2:
+        now += passed
+        machine.leap(leaps if now < 11.3 and signal == "moved" else 0.0)
+        machine.step({signal}, now)
+    assert machine.state == m.WAIT and machine.since == pytest.approx(since)
+
+
 FAILURES = [  # what goes wrong, and the way back
     ("give", m.FETCH, ["occupied", "away"], [m.RETREAT, m.DONE]),
     ("give", m.APPROACH, ["lost", "away"], [m.RETREAT, m.DONE]),
@@ -112,6 +126,7 @@ FAILURES = [  # what goes wrong, and the way back
     ("receive", m.PUT_DOWN, ["unreached"], [m.KEPT]),
     ("receive", m.PUT_DOWN, ["late", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["missed", "away"], [m.RETREAT, m.DONE]),
+    ("receive", m.CLOSE, ["lost", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["blocked", "arrived"], [m.APPROACH, m.WAIT]),
     ("receive", m.CLOSE, ["in_vain", "away"], [m.RETREAT, m.DONE]),
     ("receive", m.CLOSE, ["late", "away"], [m.RETREAT, m.DONE]),

@@ -18,19 +18,29 @@ from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.stop_test import BrakingTest, slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from odm.frame.carrying import Carrier
+from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.motion.motion import time_path
 from roadmap.transforms import pose_of
 from sim.loop.loop import exact_audit
+from sim.people.whole_person import BASE_HEIGHT
 from sim.story import robot_hand as hand_module
-from sim.story.cases import LIVE, grasp_spare, setup_of, slow_to_stop, story_wrench
+from sim.story.cases import (
+    LIVE,
+    StoryCase,
+    grasp_spare,
+    setup_of,
+    slow_to_stop,
+    story_wrench,
+)
 from sim.story.grasping import Reach, Reaches, straight_back
 from sim.story.machine import FETCH, PUT_DOWN, RELEASE, TABLES, WAIT, Machine, Step
 from sim.story.play import new_story
 from sim.story.robot_hand import check_grasps, held_farther_out, quarter_turns, too_near
 from sim.story.settings import PARTNER, GraspingSettings
+from sim.story.tell import said_before
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
 PERIOD = 0.01  # [s] of a frame
@@ -123,20 +133,28 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
-@pytest.mark.parametrize("lifted, side", [
-    ({"left": 60}, "left"), ({"right": 60}, "right"),
-    ({"left": 60, "right": 60}, "right"), ({"right": -40}, "right"),
+@pytest.mark.parametrize("lifted, side, armless", [
+    ({"left": 60}, "left", ""), ({"left": 60}, "left", "right"), ({}, "right", "left"),
+    ({"right": 60}, "right", ""), ({"left": 60, "right": 60}, "right", ""),
+    ({"right": -40}, "right", ""),
 ])  # fmt: skip
-def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, side):
+def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(
+    maps, lifted, side, armless
+):
     story, human = story_of(maps)
     reaching = human
     for one, angle in lifted.items():
         elbow = max(angle, 0)
         reaching = reaching.with_arm(one, np.radians([angle, 0, 0, elbow, 0, 0, 0]))
 
+    kept = ~np.isin(human.labels, ARM_LABELS.get(armless, ()))
+
     def look(story, now, opened, closed):
         who = human if now < 3.0 else reaching
-        return sim.StoryFrame(now, who, pulled(0.0), opened, holds=True)
+        rows = who.capsules()[kept]
+        rows = rows if now else np.nan * rows  # the tracker knows nobody at first
+        told = dict(holds=True, capsules=rows, labels=human.labels[kept])
+        return sim.StoryFrame(now, who, pulled(0.0), opened, **told)
 
     tell(story, 4.5, look)
     told = [e for e in story.events if e.signal == "other_hand"]
@@ -145,6 +163,13 @@ def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(maps, lifted, s
     arm = story.sight.parts(human.labels)[1]
     assert set(human.labels[arm]) == set(ARM_LABELS[side])
     assert [e.time_s for e in told] == pytest.approx([3.5] * len(told), abs=0.05)
+
+
+def test_who_gives_something_is_not_asked_for_the_other_hand(maps):
+    story, human = story_of(maps, "receive")
+    reaching = human.with_arm("left", np.radians([60, 0, 0, 60, 0, 0, 0]))
+    frames = [sim.StoryFrame(0.1 * k, who) for k, who in enumerate((human, reaching))]
+    assert [story.sight.look(frame, 0.1).instead for frame in frames] == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 2.0), (np.pi, 0.0, 0.3), (0.0, -1.57, 0)])
@@ -706,6 +731,30 @@ def test_what_is_put_between_the_open_fingers_is_taken_without_a_motion(maps):
     assert story.outcome == "handed over" and story.events[0].signal == "between"
 
 
+@pytest.mark.parametrize("pace", [BRAKED, MOVING])
+def test_who_creeps_with_the_object_between_the_fingers_closes_them(
+    maps, monkeypatch, pace
+):
+    """Where noise lets it go on for a frame or two at a time it crept for seconds."""
+    node = int(np.abs(maps[2].T_base_tool[:, :3, 3] - [0.3, 0.2, 0.6]).sum(1).argmin())
+    story, human = story_of(maps, "receive", node=node, before=0.01)
+    T = maps[2].T_base_tool[node] @ story.targets.meet.obj.T_tool_object
+    story.machine.state, story.offer.reaches._T = "close", T
+    story._enter()
+    frames = list(range(30))
+    creeps = property(lambda self: len(frames) % 5 == 0)
+    monkeypatch.setattr(Executor, "at_rest", creeps)
+    for name in ("update", "advance"):
+        monkeypatch.setattr(Executor, name, lambda *told: None)
+    story.executor.state = pace
+    while frames.pop():
+        now = PERIOD * (30 - len(frames))
+        story.update(sim.StoryFrame(now, human, None, True, False, T))
+    told = [(e.state, e.signal) for e in story.events]
+    assert told == [("close", "between")] * (pace == BRAKED)
+    assert story.fingers == ("closed" if pace == BRAKED else "open")
+
+
 @pytest.fixture
 def narrow(monkeypatch):
     """Let the maps have room for an object nowhere but where a wrench is held."""
@@ -951,6 +1000,14 @@ def test_an_object_pushed_against_the_hand_is_left_and_never_pressed(maps):
     rows[0, :6], rows[0, 6] = rod[:6], 0.03  # a part of the person in its place
     path = np.array([q, q])
     assert view.blocked_leg(path, -m, odm.Obstacles(capsules=rows)) == 0
+
+
+def test_what_is_dropped_before_its_giver_has_let_go_is_told_at_once(maps):
+    """It waited for them to let go of what nobody held, and said that they held on."""
+    story, states = receive(maps, lambda story: not story.holding, tug=12.0, gone=2.0)
+    assert states == ["wait", "close", "retreat", "done"]
+    assert story.outcome == "the object was dropped, or taken back"
+    assert story.events[2].time_s - story.events[1].time_s < 2.0
 
 
 def test_a_giver_who_holds_on_gets_it_back(maps):
@@ -1379,6 +1436,28 @@ def test_a_robot_that_takes_long_to_stop_keeps_more_from_the_person_and_says_so(
         targets = setup.targets(planner, handover.Human().placed(0.9, 0.0, np.pi))
         spare.append(targets.settings.spare_m)
     assert spare[0] > 0.015 and spare[1] == LIVE.spare_m
+
+
+def test_nothing_is_handed_over_below_the_table(maps):
+    """Of who sits at it the best places were below, and no other was looked at."""
+    setup = setup_of(*maps[:2], place=False, pads=["flange"])
+    table = parse_scenery(({"type": "plane", "normal": [0, 0, 1], "offset": 0.0},))
+    setup = replace(setup, cell_map=replace(maps[0], scenery=table))
+    sits = StoryCase(base_height=BASE_HEIGHT + 0.4).body()
+    found = setup.meet(sits).best(40)
+    rods = [moved_rods(setup.obj.capsules, one.T_world_object) for one in found]
+    assert found and all((r[:, [2, 5]] > r[:, 6:]).all() for r in rods)
+
+
+def test_what_was_guessed_of_a_recording_is_told_before_it_is_played(maps):
+    setup = setup_of(*maps[:2], place=False, pads=["flange"])
+    ends = SimpleNamespace(notes=("taken as cm",), ending=lambda s: f"{s} s are more")
+    story = SimpleNamespace(settings=sim.StorySettings())
+    for person, told in ((ends, ["taken as cm", "30.0 s are more"]), (None, [])):
+        partner = SimpleNamespace(person=person)
+        run = SimpleNamespace(case=StoryCase(), partner=partner, story=story)
+        said = said_before(setup, run, "forces", 30.0).splitlines()
+        assert said[0].endswith("give: forces") and said[1 : 1 + len(told)] == told
 
 
 def test_what_a_story_assumes_of_the_person_says_how_much_it_keeps(maps):
