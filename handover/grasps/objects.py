@@ -130,8 +130,9 @@ def load_object(
             f"there is no object {str(source)!r} and no mesh file of that name; give "
             f"one of {', '.join(object_names())} or the path of a closed mesh"
         )
-    mesh = _welded(Mesh.from_file(path, scale))
+    mesh = Mesh.from_file(path, scale)
     _check_size(path.stem, float(np.ptp(mesh.vertices, axis=0).max()))
+    mesh = _welded(mesh)
     if mass_kg is None:
         mass_kg = max(500.0 * _volume(_checked_part(path.stem, mesh)), 1e-6)
     return make_object(path.stem, [mesh], [mass_kg])

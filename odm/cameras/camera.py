@@ -199,7 +199,7 @@ def look_at(
 def _vector(value: object, name: str) -> np.ndarray:
     try:
         row = np.asarray(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         row = np.zeros(0)
     if row.shape != (3,):
         raise BadInput(f"{name} is {value!r}; give three numbers, base frame")

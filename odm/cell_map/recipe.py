@@ -286,7 +286,7 @@ def _payload(table: dict) -> PayloadRecipe:
         shape = () if key == "radius" else (3,)
         try:
             array = np.asarray(value, float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             array = np.full((0,), np.nan)
         good = array.shape == shape and ((low <= array) & (array <= high)).all()
         if not good:

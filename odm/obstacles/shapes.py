@@ -216,7 +216,8 @@ class Mesh(_Posed):
                 "that turn its unit into metres, such as 0.001"
             )
         try:
-            mesh = trimesh.load_mesh(path)
+            with np.errstate(all="ignore"):  # of corners too far off for its tables
+                mesh = trimesh.load_mesh(path)
             vertices = np.asarray(mesh.vertices, float) * scale
             return cls(vertices, np.asarray(mesh.faces))
         except BadInput as error:

@@ -65,7 +65,7 @@ def _check_rows(name: str, rows: object, shape: tuple, low: float) -> None:
     """Refuse what is no array of that shape with numbers from `low` to 1000."""
     try:
         array = np.asarray(rows, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.full(0, np.nan)
     sound = array.shape == shape and ((low <= array) & (array <= 1e3)).all()
     if not sound or (name == "region" and not (array[0] < array[1]).all()):

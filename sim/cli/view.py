@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.run.folders import MAPS
+from sim.terminal import interrupt
 from sim.terminal.checks import Limits
 from sim.terminal.flags import argument, flag, from_request, refuse_beside
 
@@ -85,6 +86,7 @@ def view(request: ViewRequest) -> None:
     page.playback.seek(request.at)
     silence()  # what it does is seen
     print(f"watch at {page.gate.address}  (Ctrl-C ends)", flush=True)
+    interrupt.ends_by_it()
     page.run()
 
 

@@ -28,7 +28,7 @@ from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
 from roadmap.chunks import Progress
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, BuildRefused
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
 from sim.loop.run_result import RunResult
@@ -257,7 +257,11 @@ def reach_map_of(robot: Robot, folder: Path | None, tell: Progress) -> ReachMap:
         if not folder.exists():
             told = f"no reach map of {robot.name} yet: building it into {folder}"
             print(told, file=sys.stderr)  # what is asked for may be JSON
-            build_reach_map(chain_of(robot), progress=tell).save(folder)
+            try:
+                build_reach_map(chain_of(robot), progress=tell).save(folder)
+            except BuildRefused as error:
+                how = f"odm workspace build URDF --tip {robot.tip_name} --cell 0.1"
+                raise BuildRefused(f"{error}: `{how} --out {folder}`") from error
         reach = load_reach_map(folder)
         with suppress(BadInput):
             check_same_robot(reach, robot)

@@ -17,7 +17,9 @@ for its threads. So the signal is heard twice:
 
 A few functions must not be cut in two, `_WHOLE`: both wait for them, they take
 milliseconds. While a loop is compiled, `_COMPILERS`, it is not raised either, but when
-that is done. A command that makes use of what it has so far asks for `patience`.
+that is done. A command that makes use of what it has so far asks for `patience`; what
+a library that is being imported swallows would last as long, so there that is done
+first, too.
 
 A program that was started with a signal ignored (nohup) keeps ignoring it; processes
 that it starts hear signals as Python does. Before `listen` is called, in the first
@@ -55,13 +57,14 @@ _WHOLE = (
 # its new owner, both would free it, and the process would crash; and what numba has
 # begun to note of a loop stays half noted
 _COMPILERS = ("/llvmlite/", "/numba/core/")
+_IMPORTS = ("<frozen importlib._bootstrap>",)
 
 
 class _Listener:
     """Hears Ctrl-C in this process, as some of `_CODES`; see the module."""
 
     def __init__(self, numbers: list[int]) -> None:
-        self.noted = self.raising = False
+        self.noted = self.raising = self.quiet = False
         self.code = EXIT_CODE
         self.grace = GRACE
         self._raised = False
@@ -82,7 +85,9 @@ class _Listener:
         """Raise KeyboardInterrupt in the main thread, once."""
         if not self.noted:
             self.noted, self.code = True, _CODES[number]
-        if not (self._raised or _is_held_back(frame)):
+            if self.quiet and number == signal.SIGINT:
+                self.code = 0
+        if not (self._raised or self._is_held_back(frame)):
             self._raised = True
             if not self.raising:  # nothing was begun, or all is done
                 self.end()
@@ -115,7 +120,7 @@ class _Listener:
         os.set_blocking(self._heard, False)
         while (passed := time.monotonic() - begun) < self.grace:
             time.sleep(_AGAIN)
-            if not (self._raised or _is_held_back(_current_frames().get(main))):
+            if not (self._raised or self._is_held_back(_current_frames().get(main))):
                 sent += 1
                 signal.pthread_kill(main, number)
             with suppress(BlockingIOError):
@@ -141,6 +146,13 @@ class _Listener:
         """Return whether no one else, as the keyboard's screen, takes a signal now."""
         return signal.getsignal(number) == self._note
 
+    def _is_held_back(self, frame: FrameType | None) -> bool:
+        """Return whether a stack is where nothing is raised now."""
+        slow = _COMPILERS if self.grace <= GRACE else _COMPILERS + _IMPORTS
+        return _is_whole(frame) or any(
+            place in code.co_filename for code in _codes(frame) for place in slow
+        )
+
     def end(self) -> None:
         """End the process now; does not return."""
         if not self._ending.acquire(blocking=False):
@@ -151,9 +163,10 @@ class _Listener:
                 sys.stdout.flush()
         _end_processes()
         _remove_unfinished()
+        told = "" if self.quiet else SENTENCE + "\n"
         shown = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # rich hides the cursor
         with suppress(OSError):
-            os.write(2, f"{shown}{SENTENCE}\n".encode())
+            os.write(2, f"{shown}{told}".encode())
         for _ in range(50):
             if not any(map(_is_whole, _current_frames().values())):
                 break
@@ -228,6 +241,12 @@ def patience(seconds: float) -> Iterator[None]:
         here.grace = before
 
 
+def ends_by_it() -> None:
+    """Say that Ctrl-C is how the rest is meant to end: without a word, code 0."""
+    if _listener is not None:
+        _listener.quiet = True
+
+
 def _end_processes() -> None:
     """End the processes that work for this one; a loop takes them seconds."""
     with suppress(Exception):
@@ -249,12 +268,6 @@ def _is_whole(frame: FrameType | None) -> bool:
         for code in _codes(frame)
         for file, name in _WHOLE
     )
-
-
-def _is_held_back(frame: FrameType | None) -> bool:
-    """Return whether a stack is where nothing is raised: whole, or in a compiler."""
-    compiles = (c in code.co_filename for code in _codes(frame) for c in _COMPILERS)
-    return _is_whole(frame) or any(compiles)
 
 
 def _codes(frame: FrameType | None) -> Iterator[CodeType]:

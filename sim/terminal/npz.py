@@ -4,6 +4,7 @@ An archive of half a megabyte can unpack to a gigabyte and more, and an array of
 hundred bytes can claim any shape. Both are told in the file, and looked at first.
 """
 
+import errno
 import io
 import math
 import warnings
@@ -51,7 +52,9 @@ def read_members(path: Path) -> dict[str, bytes]:
             return {row.filename: archive.read(row) for row in rows}
     except TooLarge:
         raise
-    except Damage as error:
+    except (OSError, *Damage) as error:
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:
+            raise  # that one is of a place before the file's beginning: bytes are gone
         raise ValueError(str(error) or type(error).__name__) from error
 
 

@@ -25,7 +25,7 @@ Lines = Iterator[str]
 _CLOCK = frozenset((
     "timing", "setting", "header", "versions", "latency_us", "latency_s", "loop_cpu_s",
     "loop_wall_s", "seconds", "robot_seconds", "roadmap_seconds", "cpu_seconds",
-    "cpu_ms", "folder_bytes", "figures", "sha256",
+    "cpu_ms", "folder_bytes", "figures", "sha256", "free_memory",
 ))  # fmt: skip
 _HELP = (
     "", "build", "info", "audit", "run", "demo", "replay", "run-two", "camera",

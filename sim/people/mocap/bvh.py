@@ -67,7 +67,7 @@ def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
         elif word == "OFFSET" and joints:
             joints[-1].offset = _offset(rest, joints[-1].name, source)
         elif word == "CHANNELS" and joints:
-            joints[-1].channels = _channels(rest, joints[-1].name, source)
+            joints[-1].channels = _channels(rest, joints[-1], source)
             joints[-1].first = n_channels
             n_channels += len(joints[-1].channels)
         else:
@@ -88,20 +88,25 @@ def _offset(text: str, joint: str, source: str) -> np.ndarray:
     return np.array(values)
 
 
-def _channels(text: str, joint: str, source: str) -> list[tuple[str, int]]:
+def _channels(text: str, joint: _Joint, source: str) -> list[tuple[str, int]]:
     count, *names = text.split() or ["0"]
+    if joint.channels:
+        raise BadMocap(
+            f"joint {joint.name} of {source} has two lines CHANNELS; leave one of both"
+        )
     found = []
     for name in names:
         axis, kind = name[:1].upper(), name[1:].lower()
         if axis not in _AXES or kind not in ("position", "rotation"):
             raise BadMocap(
-                f"joint {joint} of {source} has a channel {name!r}; a BVH knows "
+                f"joint {joint.name} of {source} has a channel {name!r}; a BVH knows "
                 "Xposition .. Zposition and Xrotation .. Zrotation"
             )
         found.append((kind, _AXES[axis]))
-    if number(count, f"the number of channels of {joint} in {source}") != len(found):
+    what = f"the number of channels of {joint.name} in {source}"
+    if number(count, what) != len(found):
         raise BadMocap(
-            f"joint {joint} of {source} announces {count} channels and lists "
+            f"joint {joint.name} of {source} announces {count} channels and lists "
             f"{len(found)}; correct its line CHANNELS"
         )
     return found

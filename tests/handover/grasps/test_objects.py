@@ -76,6 +76,15 @@ def test_an_empty_mesh_is_refused(tmp_path):
         load_object(tmp_path / "none.stl")
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_corner_too_far_off_for_any_table_is_told_in_a_sentence_alone(tmp_path):
+    cup = load_object("cup").parts[0]
+    far = trimesh.Trimesh(cup.vertices.copy(), cup.faces, process=False)
+    far.vertices[0] = 1e30
+    with pytest.raises(BadInput, match="e.30 m long"):
+        load_object(write(tmp_path, far))
+
+
 def test_a_cup_of_twenty_metres_is_in_the_wrong_unit(tmp_path):
     cup = load_object("cup").parts[0]
     huge = trimesh.Trimesh(cup.vertices * 200.0, cup.faces)

@@ -27,6 +27,8 @@ from roadmap.errors import BadRecipe
         ('[robot.locked]\nj = "open"', "robot.locked.j is 'open'"),
         ("[robot.velocity]\nj = nan", "robot.velocity.j is nan"),
         (f"[robot.locked]\nj = 1{400 * '0'}", "must be a finite number"),
+        (f"[roadmap]\nweights = [1{400 * '0'}]", "roadmap.weights is"),
+        (f"[payload]\nradius = 1{400 * '0'}", "payload.radius is"),
         ("[roadmap]\nweights = 3", "roadmap.weights is 3"),
         ("name = 3", "name is 3"),
         ('name = "arm"', "names no robot; write [robot] with source"),

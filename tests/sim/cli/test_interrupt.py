@@ -91,12 +91,42 @@ with interrupt.interruptible():
     Loud()
     time.sleep(60)
 """
+IN_AN_IMPORT = """
+pathlib.Path("sure.py").write_text(
+    "import time\\n"
+    "try:\\n"
+    "    print('ready', flush=True)\\n"
+    "    time.sleep(1)\\n"
+    "except BaseException:\\n"
+    "    pass"
+)
+with interrupt.interruptible(), interrupt.patience(60):
+    import sure
+    time.sleep(60)
+"""
 BEFORE_ANYTHING = """
 ready()
 try:
     time.sleep(60)
 except BaseException:
     print("never seen")
+"""
+SHOWN = """
+from sim.cli import view
+from sim.cli.main import main
+from sim.view import page, viewer
+class Shown:
+    address = "http://"
+    def __init__(self, *given):
+        self.gate = self.playback = self
+    def seek(self, at):
+        pass
+    def run(self):
+        ready()
+        time.sleep(60)
+page.Page, view._map_alone, viewer.check_viewer = Shown, str, bool
+sys.argv[1:] = "view", "--map", ".", "--port", "0"
+main()
 """
 WRITING = """
 from roadmap import unfinished
@@ -216,7 +246,9 @@ def end(process, number=signal.SIGINT, whole_group=False):
     return process.returncode, time.monotonic() - begun, out, err
 
 
-@pytest.mark.parametrize("script", [SWALLOWED, IN_A_POOL, IN_CALLBACK, BEFORE_ANYTHING])
+@pytest.mark.parametrize(
+    "script", [SWALLOWED, IN_A_POOL, IN_CALLBACK, IN_AN_IMPORT, BEFORE_ANYTHING]
+)
 def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
@@ -224,6 +256,14 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
     assert code == 130 and seconds < PATIENCE_S
     assert err.count("interrupted") == 1 and "Traceback" not in err
     assert "never" not in out
+
+
+@pytest.mark.parametrize("sent, code", [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+def test_a_page_that_ctrl_c_ends_ends_without_a_word(sent, code, tmp_path):
+    with started(["-c", HEAD + SHOWN], tmp_path) as process:
+        wait_for(process.stdout, "ready")
+        got, _, _, err = end(process, sent)
+    assert got == code and "odm:" not in err and "Traceback" not in err
 
 
 @pytest.mark.parametrize(

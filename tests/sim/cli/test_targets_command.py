@@ -13,9 +13,10 @@ from handover.targets.live_targets import THERE, WITHDRAWN
 from handover.targets.settings import LiveSettings
 from handover.targets.target_goals import TargetGoals
 from odm import Obstacles, load_map
+from roadmap.errors import BuildRefused
 from roadmap.kinematics.forward import difference, tool_pose
 from sim.loop.loop import LoopSettings, run_frames
-from sim.run.meet import MeetTask
+from sim.run.meet import MeetTask, reach_map_of
 from sim.run.meet_audit import RANKED, TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop
 from sim.run.request import RunRequest
@@ -233,6 +234,13 @@ def test_robots_of_one_name_each_get_a_reach_map(built, tmp_path, monkeypatch):
             reach = meet.reach_map_of(each, None, lambda *progress: None)
             meet.check_same_robot(reach, each)
     assert len(made) == 3 == len(list((tmp_path / "maps/built/reach").iterdir()))
+
+
+def test_a_robot_too_large_for_a_reach_map_is_told_how(built, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("handover.reach.reach_build.MAX_BYTES", 1)
+    with pytest.raises(BuildRefused, match="workspace build URDF --tip .* --cell 0.1"):
+        reach_map_of(load_map(built[0]).robot, None, lambda *progress: None)
 
 
 def test_shares_count_each_verdict_once():

@@ -232,6 +232,7 @@ def test_bvh_of_a_person_gives_the_joints_back(tmp_path):
         ("MOTION", "MOTIONLESS", "no line MOTION"),
         ("Xposition", "Wposition", "has a channel 'Wposition'"),
         ("CHANNELS 6", "CHANNELS 5", "announces 5 channels and lists 6"),
+        ("CHANNELS 6", "CHANNELS 1 Xposition\nCHANNELS 6", "two lines CHANNELS"),
         ("OFFSET ", "OFFSET a ", "'a', which is no number"),
         ("OFFSET ", "OFFSET 1 ", "it must be three numbers"),
         ("ROOT hip", "ROOT hip\nWING", "has the line 'WING' in its skeleton"),

@@ -39,6 +39,13 @@ def test_a_truncated_file_is_known_for_what_it_is(share, file, tmp_path):
         read_record(part)
 
 
+def test_a_file_that_lost_bytes_on_its_way_is_known_for_what_it_is(file, tmp_path):
+    whole, part = file.read_bytes(), tmp_path / "part.npz"
+    part.write_bytes(whole[:100] + whole[120:])
+    with pytest.raises(BadRecord, match="truncated or damaged"):
+        read_record(part)
+
+
 def test_a_flipped_byte_is_found(file, tmp_path):
     data = bytearray(file.read_bytes())
     at = data.index(b"q.npy") + 400
