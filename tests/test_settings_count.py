@@ -163,6 +163,7 @@ def test_a_better_path_is_looked_for_as_often_as_asked(every, takes, small_map):
     looked, left = [], []
     smoother = SimpleNamespace(
         reset=lambda: None,
+        cut=lambda budget, ahead: (0, budget),
         go_straight=lambda ahead: -1,
         run=lambda budget, ahead: left.append(budget) or 0,
     )

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from small import AWAY, HOME
 
 from sim.bench.frames import Pair
@@ -33,6 +34,9 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
             np.testing.assert_array_equal(case.q_goal, AWAY)
             asked.append((self.simplified, "begin"))
 
+        def path(self, frame):
+            return np.stack([HOME, AWAY])
+
         def world(self, frame):
             return frame.rods
 
@@ -49,7 +53,12 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
         timed = [row for row in part if "wall" in row]
         assert [row["n"] for row in timed] == [n * FRAMES] * 5
         assert timed[0]["name"] == f"beside VAMP, {what}: every frame replanned"
-    ratios = [row for row in rows if "wall" not in row]
+    lengths = [row for row in rows if "path length" in row["name"]]
+    straight = np.linalg.norm(AWAY - HOME)
+    assert [row["value"] for row in lengths[2::5]] == pytest.approx([straight] * 2)
+    most = [row["asked"].get("most") for row in lengths]
+    assert most == [None, None, None, pytest.approx(straight)] + [None] * 6
+    ratios = [row for row in rows if "times faster" in row["name"]]
     assert all(row["value"] > 0.0 for row in ratios)
     least = [row["asked"].get("least") for row in ratios]
     assert least == [5.0, 2.5, 1.0, 1.0, 1.0, 1.0, 1.0] + [None] * 7
@@ -58,7 +67,9 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
     # one to begin with and one a frame; of a kept path one where it is not free
     assert asked.count((False, "plan")) == passes * (1 + FRAMES)
     assert asked.count((True, "plan")) == passes * (1 + FRAMES + 1 + 1)
-    assert asked.count((True, "begin")) == 2 * asked.count((False, "begin"))
+    looked = 3  # frames whose paths' lengths are compared, one of each pair
+    begun = asked.count((True, "begin")) - looked
+    assert begun == 2 * asked.count((False, "begin"))
 
 
 def test_the_least_of_all_passes_counts(monkeypatch):
