@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, on_its_way
+from small import AWAY, HOME, NOBODY, draw_arm, draw_valid, on_its_way
 
 import odm
 from odm.planner.settings import SmoothingSettings
 from odm.search import _recent as recent
+from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import sphere_centers
 
 
@@ -137,3 +138,44 @@ def test_new_legs_keep_comfortable_or_save_much(small_map):
         made += len(found[0])
         near += sum(gap < planner.keep + comfort for gap in found[1])
     assert made and near  # and without comfort some come nearer
+
+
+def length(path):
+    return np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+
+
+def beside_an_arm(small_map, shapes):
+    """Return a planner with a path of eight corners, the arm, and its answer."""
+    rng = np.random.default_rng(2)
+    while True:
+        planner, rods = odm.ReactivePlanner(small_map), draw_arm(rng)
+        planner.set_goals([AWAY if rng.random() < 0.5 else draw_valid(planner, rng)])
+        arm = odm.Obstacles(capsules=rods) if shapes else odm.sample_capsules(rods)
+        answer = planner.step(arm, q=HOME)
+        if len(answer.path) > 7:
+            return planner, arm, answer
+
+
+def test_what_cuts_a_path_shortest_comes_first(small_map):
+    planner, arm, first = beside_an_arm(small_map, shapes=True)
+    planner.improve(4)
+    better = planner.step(arm, q=HOME)
+    assert better.status == "following"
+    assert length(better.path) < 0.9 * length(first.path)  # 0.99 by changes at random
+    for a, b in zip(better.path, better.path[1:], strict=False):
+        assert planner.is_free(a, b)
+
+
+def test_new_legs_wait_for_their_cells_where_nothing_asks_for_them(small_map):
+    """Beside shapes alone, unless there is a history that they must keep out of."""
+    bare = []
+    for shapes, moved in ((True, False), (False, False), (True, True)):
+        planner, arm, _ = beside_an_arm(small_map, shapes)
+        if moved:
+            arm.capsules[:, [2, 5]] += 0.1
+            planner.step(arm, q=HOME)
+        planner.improve(4)
+        answer = planner.step(arm, q=HOME)
+        assert answer.status == "following"
+        bare.append((planner.path.items() == NO_ITEM).sum())
+    assert bare[0] > max(bare[1:])
