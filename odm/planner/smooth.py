@@ -194,17 +194,19 @@ class Smoother(Remembering):
         corners[0] += self._share * (corners[1] - corners[0])
         places = np.empty((2 * len(corners) - 1, corners.shape[1]))
         places[::2], places[1::2] = corners, 0.5 * (corners[:-1] + corners[1:])
-        scaled = places * self.frame.cell_map.roadmap.weights
-        legs = np.linalg.norm(np.diff(scaled, axis=0), axis=1)
+        weights = self.frame.cell_map.roadmap.weights
+        legs = np.linalg.norm(np.diff(places, axis=0) * weights, axis=1)
         along = np.r_[0.0, np.cumsum(legs)]
         a, b = np.triu_indices(len(places), 2)
-        saved = along[b] - along[a] - np.linalg.norm(scaled[b] - scaled[a], axis=1)
+        # joints without end turn the shorter way, as the answer's do
+        dq = self.frame.difference(places[a], places[b])
+        saved = along[b] - along[a] - np.linalg.norm(dq * weights, axis=1)
         order = np.argsort(-saved, kind="stable")[first:MOST_CUTS]
-        order = order[saved[order] > self.settings.min_cut * along[-1]]
-        for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
+        for k in order[saved[order] > self.settings.min_cut * along[-1]].tolist():
+            i, j = int(a[k]), int(b[k])
             begins = i % 2 == 0 and (i > 0 or self._share == 0.0)
             ends = at + i // 2, at + j // 2, begins, j % 2 == 0
-            yield Change(*ends, places[[i, j]])
+            yield Change(*ends, np.stack([places[i], places[i] + dq[k]]))
 
     def _turn(self, ahead: np.ndarray | None) -> tuple[int, float]:
         """Return the segment and the share of it from which the robot can turn.

@@ -62,8 +62,9 @@ def test_an_extra_that_is_no_number_is_refused(planner, extra):
         planner.blocked_leg(OVER_PI, extra)
 
 
-def test_a_straight_motion_to_the_goal_is_tested_where_it_turns(tmp_path):
-    """The path in use goes the long way round, and by a detour."""
+@pytest.fixture
+def the_long_way(tmp_path):
+    """Return a planner whose path goes the long way round, and by a detour."""
     urdf = URDF.replace("</robot>", ELBOW)
     planner = planner_of(tmp_path, urdf, "fore", 40)
     corners = np.array([[1.9, 0.0], [0.8, 2.0], [-0.8, 2.0], [-1.9, 0.0]])
@@ -74,6 +75,21 @@ def test_a_straight_motion_to_the_goal_is_tested_where_it_turns(tmp_path):
     vertices = [attacher.new_vertex() for _ in corners]
     planner.path.lead(0, vertices, corners, range(item, item + 3))
     assert len(planner.step(BEHIND, q=corners[0]).path) == 4
+    return planner, corners[0]
+
+
+def test_a_straight_motion_to_the_goal_is_tested_where_it_turns(the_long_way):
+    planner, q = the_long_way
     planner.smoother.look_straight()
     planner.improve(8)
-    assert planner.blocked_leg(planner.step(BEHIND, q=corners[0]).path) is None
+    assert planner.blocked_leg(planner.step(BEHIND, q=q).path) is None
+
+
+def test_cuts_are_tested_where_they_turn(the_long_way, monkeypatch):
+    planner, _ = the_long_way
+    tried = []
+    told = planner.smoother, "_try", lambda change, least: tried.append(change) or 0
+    monkeypatch.setattr(*told)
+    planner.smoother.cut(8)
+    turns = [np.abs(np.diff(change.corners, axis=0)).max() for change in tried]
+    assert len(turns) > 3 and max(turns) <= np.pi
