@@ -10,6 +10,7 @@ from odm.audit._audit import (
     FAR,
     Asked,
     Audited,
+    Library,
     Solids,
     approach,
     exact_distance,
@@ -44,6 +45,7 @@ class Close(NamedTuple):
     solids: Shapes  # where the obstacle goes, as shapes
     m: float
     rho: float
+    as_frames: Library  # the obstacles, with a frame's samples of their shapes
 
 
 class StillCells(NamedTuple):
@@ -166,17 +168,18 @@ def scan_words(words, coming, cloud):
 
 @njit(**FULL)
 def node_overheads(audited, solids, spheres, library, pairs, close, out):
-    """Write the exact distances at which five tests give a node up to out (n, 5).
+    """Write the exact distances at which six tests give a node up to out (n, 6).
 
     Solids; spheres against solids; spheres against samples within rho; cells; the close
-    test of shapes. NaN where one of them was in the way at FAR already, or never.
+    test of shapes; cells of shapes. NaN where one of them was in the way at FAR
+    already, or never.
     """
     asked, arm, cloud = audited.asked, audited.arm, audited.cloud
     m, rho = close.m, close.rho
     bodies = np.empty((arm.tree_i.shape[0], 12))
     placed = Placed(solids, np.empty((solids.body.shape[0], 12)))
     cover = Placed(spheres, np.empty((spheres.body.shape[0], 12)))
-    where = np.empty(5)
+    where = np.empty(6)
     for k in range(pairs.motion.shape[0]):
         q = asked.nodes[-1 - pairs.motion[k]]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, placed.frames)
@@ -187,7 +190,9 @@ def node_overheads(audited, solids, spheres, library, pairs, close, out):
         where[2] = walk(m + rho, SAMPLES, cover, library, coming)
         where[3] = scan(audited, pairs.motion[k], coming)
         where[4] = scan_shapes(close, pairs.motion[k], cloud, library, coming)
-        for test in range(5):
+        told = approach(solids, placed.frames, close.as_frames, pairs, k, np.empty(12))
+        where[5] = scan(audited, pairs.motion[k], told)
+        for test in range(6):
             out[k, test] = np.nan
             if where[test] < FAR - STEP:
                 out[k, test] = distance_at(where[test], SOLIDS, placed, library, coming)
@@ -212,16 +217,16 @@ def distance_along(s, audited, motion, solids, samples, library, coming):
 
 @njit(**FULL)
 def edge_overheads(audited, close, solids, library, pairs, still, out):
-    """Write the exact distances at which four tests give an edge up to out (n, 4).
+    """Write the exact distances at which five tests give an edge up to out (n, 5).
 
     The close test, which `close` asks; cells of `still` configurations; the cells of
-    the map; the close test of shapes.
+    the map; the close test of shapes; the cells of shapes.
     """
     asked, arm, cloud, work, shapes = audited
     other = Audited(close.asked, arm, cloud, work, shapes)
     bodies = np.empty((arm.tree_i.shape[0], 12))
     frames = np.empty((solids.body.shape[0], 12))
-    where = np.empty(4)
+    where = np.empty(5)
     for k in range(pairs.motion.shape[0]):
         motion = pairs.motion[k]
         q = asked.nodes[asked.edges[motion, 0]] + pairs.t[k] * asked.dq[motion]
@@ -231,7 +236,9 @@ def edge_overheads(audited, close, solids, library, pairs, still, out):
         where[1] = scan_words(still.words[k], coming, cloud)
         where[2] = scan(audited, motion, coming)
         where[3] = scan_shapes(close, motion, cloud, library, coming)
-        for test in range(4):
+        told = approach(solids, frames, close.as_frames, pairs, k, np.empty(12))
+        where[4] = scan(audited, motion, told)
+        for test in range(5):
             out[k, test] = np.nan
             if where[test] < FAR - STEP:
                 out[k, test] = distance_along(

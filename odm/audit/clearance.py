@@ -8,7 +8,7 @@ from odm._groups import new
 from odm.audit import _clearance as kernels
 from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
-from odm.audit.audit_library import Specimen, as_frames_sample, draw_arms
+from odm.audit.audit_library import as_frames_sample, draw_arms, library_of
 from odm.audit.exact import gather
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.chunk_work import at_rest, swept_cells
@@ -85,26 +85,12 @@ def clearance_overhead(
             f"the map {cell_map.recipe.name} has no edges to measure a clearance of; "
             "build it with more nodes or neighbors"
         )
-    arms = draw_arms(40, cell_map.safety.rho, np.random.default_rng([seed, 1]))
-    nodes, edges = _distances(cell_map, seed, arms, (n, n_edges))
-    arms = as_frames_sample(arms, cell_map)
-    node_cells, edge_cells = (
-        found[:, [column]]
-        for found, column in zip(
-            _distances(cell_map, seed, arms, (n, n_edges)), (3, 2), strict=True
-        )
-    )
-    both = np.hstack([nodes, node_cells]), np.hstack([edges, edge_cells])
-    return _summary(*both, cell_map.safety.m)
-
-
-def _distances(
-    cell_map: CellMap, seed: int, arms: tuple[Specimen, ...], wanted: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return at which distance each test gives nodes (n, 5) and edges (k, 4) up [m]."""
-    safety, (n, n_edges) = cell_map.safety, wanted
+    safety = cell_map.safety
+    arms = draw_arms(40, safety.rho, np.random.default_rng([seed, 1]))
     cells, close = (Auditor(cell_map, seed, c, specimens=arms) for c in (False, True))
-    cloud = cell_map.grid.new_cloud(int(np.diff(cells.library.point_ptr).max()))
+    as_frames = library_of(as_frames_sample(arms, cell_map))
+    most = max(np.diff(part.point_ptr).max() for part in (cells.library, as_frames))
+    cloud = cell_map.grid.new_cloud(int(most))
     robot = cell_map.robot
     work = make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
     rng = np.random.default_rng([seed, 2])
@@ -112,12 +98,13 @@ def _distances(
     pairs = cells.draw(0, n)._replace(
         motion=-1 - rng.integers(0, cell_map.roadmap.n_nodes, n)
     )
-    nodes = np.empty((n, 5))
+    nodes = np.empty((n, 6))
     arm, tolerance = cell_map.arm, cell_map.motion_tolerance
     bare = arm.spheres[:, 3] + safety.m
     clearance = Clearance(arm, cell_map.swept_radii(), bare, tolerance, work)
     shapes = new(ShapeRows, {"shapes": 4, "faces": 0})
-    asks = kernels.Close(close.asked, clearance, shapes, safety.m, safety.rho)
+    kept = safety.m, safety.rho
+    asks = kernels.Close(close.asked, clearance, shapes, *kept, as_frames)
     kernels.node_overheads(
         audited, cells.solids, _ball_solids(robot), cells.library, pairs, asks, nodes
     )
@@ -125,12 +112,12 @@ def _distances(
         motion=rng.integers(0, cell_map.roadmap.n_edges, n_edges)
     )
     words = np.array([_still_words(cell_map, cells, e) for e in pairs.motion])
-    edges = np.empty((n_edges, 4))
+    edges = np.empty((n_edges, 5))
     still = kernels.StillCells(words, _STILL)
     kernels.edge_overheads(
         audited, asks, cells.solids, cells.library, pairs, still, edges
     )
-    return nodes, edges
+    return _summary(nodes, edges, safety.m)
 
 
 def _summary(nodes: np.ndarray, edges: np.ndarray, m: float) -> ClearanceOverhead:

@@ -751,7 +751,6 @@ class Attacher(Remembering):
         table = frame.memory.table
         n = judge.clear_nodes(table, q, ids, most, self._chosen)
         more = 0.0 if frame.memory.rules.always[0] else self._wary_clearance
-
         close: list[int] = []
 
         def is_wide(node: int) -> bool:

@@ -214,7 +214,7 @@ class _Draw:
 
     def free(self, q: np.ndarray, capsules: np.ndarray) -> bool:
         """Return whether the exact solids keep the clearance in all frames."""
-        return not any(self.exact.collides(q, shapes(c), self.m) for c in capsules)
+        return all(all_keep(self.exact, q[None], c, self.m) for c in capsules)
 
     def share_blocked(self, pair: Pair) -> float:
         """Return the share of the frames in which the straight motion is blocked."""
@@ -223,10 +223,8 @@ class _Draw:
         shares = np.linspace(0.0, 1.0, pieces + 1)[1:-1, None]
         places = pair.q_start + shares * dq
         some = pair.capsules[:: max(1, len(pair.capsules) // _LOOKS)]
-        return float(np.mean([not self._all_free(places, rods) for rods in some]))
-
-    def _all_free(self, places: np.ndarray, rods: np.ndarray) -> bool:
-        return all(self.free(q, rods[None]) for q in places)
+        kept = [all_keep(self.exact, places, rods, self.m) for rods in some]
+        return float(np.mean(np.logical_not(kept)))
 
     def clear(self, q: np.ndarray, capsules: np.ndarray) -> bool:
         """Return whether the planner calls q free in all frames."""
@@ -235,6 +233,12 @@ class _Draw:
             if self.planner.separation(q) <= self.keep:
                 return False
         return True
+
+
+def all_keep(exact: ExactRobot, places: np.ndarray, rods: np.ndarray, m: float) -> bool:
+    """Return whether the solids keep m from capsules (k, 7) at all places (n, dof)."""
+    arm = shapes(rods)
+    return not any(exact.collides(q, arm, m) for q in places)
 
 
 def shapes(rods: np.ndarray) -> list[Capsule]:

@@ -277,7 +277,6 @@ def _with_normals(file: Path, target: Path) -> Path:
         mesh = trimesh.load_mesh(file, process=False)
         bare = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         bare.export(target)
-        bare.export(target)
         return target
     return file
 

@@ -14,7 +14,7 @@ from odm.cell_map.cell_map import CellMap
 from roadmap.kinematics.forward import difference
 from sim.bench.clock import Clock
 from sim.bench.core.touched import bytes_touched
-from sim.bench.frames import RATE_HZ, Pair, shapes
+from sim.bench.frames import RATE_HZ, Pair, all_keep
 from sim.tables.table import value_row
 
 REPLAN = {"p50": 14.0, "p99": 70.0}
@@ -54,12 +54,10 @@ def _straight_motions(
     exact, m, keeps = ExactRobot(cell_map.robot), cell_map.safety.m, []
     for pair in pairs:
         dq = difference(cell_map.robot, pair.q_start, pair.q_goal)
-        shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(dq).max() / _LOOK_STEP)))
-        for rods in pair.capsules[::_LOOK_EVERY]:
-            arm = shapes(rods)
-            keeps.append(
-                not any(exact.collides(pair.q_start + s * dq, arm, m) for s in shares)
-            )
+        pieces = int(np.ceil(np.abs(dq).max() / _LOOK_STEP))
+        places = pair.q_start + np.linspace(0.0, 1.0, 1 + pieces)[:, None] * dq
+        some = pair.capsules[::_LOOK_EVERY]
+        keeps += [all_keep(exact, places, rods, m) for rods in some]
     free = np.array(keeps)
     looked = found.reshape(len(pairs), -1)[:, ::_LOOK_EVERY].ravel()
     note = f"every {_LOOK_EVERY}th frame, in places {_LOOK_STEP:g} rad apart"

@@ -14,7 +14,7 @@ from odm import ReactivePlanner
 from odm.audit.exact import ExactRobot
 from odm.cell_map.cell_map import CellMap
 from sim.bench.clock import Clock, time_row
-from sim.bench.frames import Pair, shapes
+from sim.bench.frames import Pair, all_keep
 from sim.bench.rivals.lengths import first_and_improved
 from sim.bench.rivals.ompl import length
 from sim.bench.rivals.peer_cases import Case, Frame
@@ -81,9 +81,8 @@ def _lengths(
                 a + np.linspace(0.0, 1.0, _PLACES)[:, None] * (b - a)
                 for a, b in pairwise(path)
             ])  # fmt: skip
-            arm = shapes(rods)
-            keeps = not any(exact.collides(q, arm, m) for q in places)
             ours = first_and_improved(planner, pair, k)
+            keeps = all_keep(exact, places, rods, m)
             found.append((*ours, length(path), keeps))
     lengths = np.array([row for row in found if row[0] > 0.0]).reshape(-1, 4)
     first, improved, its = np.median(lengths[:, :3], axis=0)
