@@ -1,10 +1,19 @@
-"""Points laid out for the close test, also those outside the grid."""
+"""Points laid out for the close test: all, also outside the grid, or those near."""
 
 import numpy as np
 from numba import njit
 
+from odm.close_test._close import (
+    is_finite,
+    list_near,
+    place_of,
+    prepare_motion,
+    set_point,
+)
 from odm.obstacles._cloud import (
+    AS_GIVEN,
     CHUNK,
+    LAYOUT,
     N_BAD,
     N_GIVEN,
     N_INSIDE,
@@ -12,10 +21,19 @@ from odm.obstacles._cloud import (
     N_OCCUPIED,
     cell_of,
 )
-from odm.obstacles._occupancy import BEYOND, clear, mark_cells, sort_points
+from odm.obstacles._occupancy import (
+    BEYOND,
+    clear,
+    link_points,
+    mark_cells,
+    pick_points,
+    sort_points,
+)
 from roadmap._rows import in_line
 from roadmap.jit_options import INNER, LEAN
+from roadmap.kinematics._forward import body_frames
 
+ALL_CELLS = np.uint64(0xFFFFFFFFFFFFFFFF)  # of a block
 FAR = 4e15  # in cells; what is not nearer is no number
 
 
@@ -75,3 +93,43 @@ def find_blocks(steps, where, shape):
         x, y, z = x if x < nx else nx, y if y < ny else ny, z if z < nz else nz
         cell = cell_of(x, y, z, nby, nbz) & np.int32(-64)
         where[i] = np.int32(cell) if known else np.int32(-1)
+
+
+@njit(**INNER)
+def pick_near(clearance, q, dq, cloud, pick, points):
+    """Collect the points of all blocks that a motion q + t dq may come near.
+
+    For a few motions that is much less than to sort all points, and the close test
+    finds the same. As `body_at` and `body_chord` do, each body is held by a ball where
+    the motion is half over, which is larger by how far a sphere of it moves till either
+    end. The cloud is linked here, or has been.
+
+    Returns:
+        False where nothing can be said: q or dq is not finite, or a radius.
+    """
+    arm, work = clearance.arm, clearance.work
+    if not (is_finite(q, dq) and prepare_motion(clearance, dq)):
+        return False
+    if cloud.counts[LAYOUT] == AS_GIVEN:
+        link_points(cloud)
+    clear(pick)
+    set_point(q, dq, 0.5, work.point)
+    body_frames(arm.tree_i, arm.tree_f, work.point, work.frames[0])
+    for b in range(1, arm.tree_i.shape[0]):
+        if arm.body_ptr[b + 1] == arm.body_ptr[b]:
+            continue
+        x, y, z = place_of(work.frames[0, b], arm.bound[b])
+        reach = arm.bound[b, 3] + work.body_radius[b]
+        reach += 0.5 * work.body_speed[b] + 0.125 * work.body_bend[b]
+        for at in range(list_near(cloud, x, y, z, reach)):
+            pick.words[cloud.occupied[cloud.near[at]]] = ALL_CELLS
+    count = 0
+    for k in range(cloud.counts[N_LISTED]):  # in the order of sorted points
+        b = cloud.occupied[k]
+        if pick.words[b] != 0:
+            pick.occupied[count] = b
+            pick.slot[b] = count
+            count += 1
+    pick.counts[N_OCCUPIED] = count
+    pick_points(pick, cloud, points)
+    return True

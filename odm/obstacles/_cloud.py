@@ -26,7 +26,8 @@ class Cloud(NamedTuple):
     slot: np.ndarray = array("i4", "blocks", FRAME)  # position in `occupied`
     # first point of an occupied block; -1 for none where points are linked
     start: np.ndarray = array("i4", "blocks+1", FRAME)
-    box: np.ndarray = array("f8", "blocks 6", FRAME)  # bounds of its points
+    # bounds of its points; where these are linked, of the block itself
+    box: np.ndarray = array("f8", "blocks 6", FRAME)
     # scratch: squared distance of each block's box, and those that are near
     away: np.ndarray = array("f8", "blocks", FRAME)
     near: np.ndarray = array("i4", "blocks", FRAME)
@@ -38,11 +39,12 @@ class Cloud(NamedTuple):
     # scratch: coordinates of a chunk's points, in whole cells from the corner
     steps: np.ndarray = array("i4", f"{3 * CHUNK}", FRAME)
     # occupied blocks, points inside, outside, bad, how they are laid out, and of the
-    # close test: the first points, and the first occupied blocks, which hold them
-    counts: np.ndarray = array("i8", "7", FRAME)
+    # close test: the first points, and the first occupied blocks, which hold them; and
+    # how often points were looked up by what they may be near
+    counts: np.ndarray = array("i8", "8", FRAME)
 
 
-N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, LAYOUT, N_GIVEN, N_LISTED = range(7)
+N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, LAYOUT, N_GIVEN, N_LISTED, N_LOOKED = range(8)
 # how points are laid out: not at all; by block; each names the next one of its block
 AS_GIVEN, SORTED, LINKED = range(3)
 

@@ -24,6 +24,7 @@ from roadmap._rows import copy_row, in_line
 from roadmap.jit_options import INNER, LEAN
 
 BEYOND = float(1 << 30)  # cells from a corner: farther than any grid reaches
+ROUNDING = 1e-9  # [m] by which a point may lie beside the block that it is in
 _SIGN, _EXPONENT = np.int64(-(1 << 63)), np.int64(1 << 52)
 
 
@@ -350,7 +351,20 @@ def link_points(cloud):
         k = place_of(where[i], slot, n_listed)
         order[i] = start[k]
         start[k] = i
+    box_blocks(cloud)
     cloud.counts[LAYOUT] = LINKED
+
+
+@njit(**INNER)
+def box_blocks(cloud):
+    """Let the box of each listed block be the block itself, a little larger."""
+    side, ny, nz = 4.0 * cloud.h, cloud.shape[1], cloud.shape[2]
+    for k in range(cloud.counts[N_LISTED]):
+        b, box = np.int64(cloud.occupied[k]), cloud.box[k]
+        at = b // (ny * nz), b // nz % ny, b % nz
+        for a in range(3):
+            begin = cloud.origin[a] + side * at[a]
+            box[a], box[3 + a] = begin - ROUNDING, begin + side + ROUNDING
 
 
 @njit(**INNER)

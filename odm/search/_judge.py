@@ -11,7 +11,8 @@ from odm.close_test._close import (
     place_of,
     set_point,
 )
-from odm.obstacles._cloud import LAYOUT, N_LISTED, N_OCCUPIED, SORTED
+from odm.close_test._sorted_clouds import pick_near
+from odm.obstacles._cloud import LAYOUT, N_LISTED, N_LOOKED, N_OCCUPIED, SORTED
 from odm.obstacles._occupancy import clear, pick_points, sort_points
 from odm.obstacles._solids import inner_radius, solid_distance
 from odm.search._items import (
@@ -30,13 +31,25 @@ from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames
 
+FEW = 4  # motions of a frame whose points are looked up; to sort all takes as long
+
 
 @njit(**INNER)
-def sorted_cloud(state):
-    """Return the frame's points laid out for the close test: once a frame."""
-    cloud = view(state, "cloud")
-    if cloud.counts[LAYOUT] != SORTED:
-        sort_points(view(state, "seen").points, cloud)
+def points_near(state, q, dq):
+    """Return all of the frame's points that may be in the way of a motion.
+
+    For the first few motions of a frame these are looked up, then all are sorted.
+    """
+    cloud, points = view(state, "cloud"), view(state, "seen").points
+    if cloud.counts[N_LISTED] == 0 or cloud.counts[LAYOUT] == SORTED:
+        return cloud
+    # with extra clearance points count that lie beside the block that they are in
+    if cloud.counts[N_LOOKED] < FEW and not view(state, "terms").extra[0] > 0.0:
+        cloud.counts[N_LOOKED] += 1
+        picked = view(state, "picked")
+        if pick_near(clearance_of(state), q, dq, cloud, picked, points):
+            return picked
+    sort_points(points, cloud)
     return cloud
 
 
@@ -101,7 +114,7 @@ def is_blocked_again(state, row):
 @njit(**LEAN)
 def close_free(state, q, dq):
     """Run the close test of a motion against all of the frame's points."""
-    return near_free(state, sorted_cloud(state), q, dq)
+    return near_free(state, points_near(state, q, dq), q, dq)
 
 
 @njit(**INNER)
@@ -141,19 +154,19 @@ def pick_item(picked, words, graph, item):
 
 
 @njit(**INNER)
-def pick_ref(state, ref):
+def pick_ref(state, ref, q, dq):
     """Return the points inside the cells of a motion's item: all that can block it.
 
     The cells of a motion hold every point that comes within radius + rho + m of a cover
     sphere along it, so points in other cells cannot be in its way. An edge's cells are
-    those of its list and of its two nodes. Without an item, all points are
-    returned, and where extra clearance is kept: then points of other cells count too.
+    those of its list and of its two nodes. Without an item it is the points near the
+    motion, and where extra clearance is kept: then points of other cells count too.
     """
     cloud = view(state, "cloud")
     if cloud.counts[N_LISTED] == 0:
         return cloud  # shapes alone
     if (ref < 0 and ref > EDGE_BASE) or view(state, "terms").extra[0] > 0.0:
-        return sorted_cloud(state)
+        return points_near(state, q, dq)
     picked = view(state, "picked")
     clear(picked)
     if ref >= 0:
@@ -191,7 +204,7 @@ def where_blocked(state, near, q, dq, blocked_at):
 @njit(**INNER)
 def part_free(state, ref, q, dq):
     """Run the close test of a motion that is a part of item `ref`."""
-    return near_free_again(state, pick_ref(state, ref), q, dq)
+    return near_free_again(state, pick_ref(state, ref, q, dq), q, dq)
 
 
 @njit(**INNER)
@@ -289,7 +302,7 @@ def start_clear(state, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
     robot, nodes = view(state, "robot_state"), view(state, "graph").nodes
     displacement(robot.q, nodes[starts.node[k]], robot.continuous, robot.dq)
-    near = pick_ref(state, starts.ref[k])
+    near = pick_ref(state, starts.ref[k], robot.q, robot.dq)
     blocked_at = where_blocked(state, near, robot.q, robot.dq, starts.blocked_at[k])
     starts.blocked_at[k] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
@@ -344,7 +357,7 @@ def goal_motion_clear(state, g, a):
     goals, robot = view(state, "goals"), view(state, "robot_state")
     q = view(state, "graph").nodes[goals.node[g, a]]
     displacement(q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, goals.ref[g, a])
+    near = pick_ref(state, goals.ref[g, a], q, robot.dq)
     blocked_at = where_blocked(state, near, q, robot.dq, goals.blocked_at[g, a])
     goals.blocked_at[g, a] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
@@ -405,7 +418,8 @@ def is_swallowed(state, q):
 @njit(**INNER)
 def stands_free(state, q):
     """Return True if a configuration itself keeps its distance from the points."""
-    return place_free(state, sorted_cloud(state), q)
+    still = view(state, "robot_state").still
+    return place_free(state, points_near(state, q, still), q)
 
 
 @njit(**LEAN)
@@ -435,7 +449,7 @@ def judge_direct(state, g):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
     displacement(robot.q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, ref)
+    near = pick_ref(state, ref, robot.q, robot.dq)
     blocked_at = where_blocked(
         state, near, robot.q, robot.dq, goals.direct_blocked_at[g]
     )

@@ -487,6 +487,7 @@ class RobotState(NamedTuple):
     before: np.ndarray = array("f8", "dof", GOAL, np.nan)
     dq: np.ndarray = array("f8", "dof", FRAME)
     scratch_q: np.ndarray = array("f8", "dof", FRAME)
+    still: np.ndarray = array("f8", "dof")  # no motion
     fraction: np.ndarray = array("f8", "2", FRAME)  # share of the segment that q is on
 
 

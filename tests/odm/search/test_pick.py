@@ -7,12 +7,21 @@ from wrappers import with_wrapper
 
 import odm
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import AS_GIVEN, LAYOUT, LINKED, N_LISTED, SORTED
+from odm.obstacles._cloud import (
+    AS_GIVEN,
+    LAYOUT,
+    LINKED,
+    N_INSIDE,
+    N_LISTED,
+    N_LOOKED,
+    SORTED,
+)
 from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import difference, sphere_centers
 
 part_free = with_wrapper(judge.part_free)
+stands_free = with_wrapper(judge.stands_free)
 
 
 def clear_of(planner, q, dq, points):
@@ -98,3 +107,59 @@ def test_a_sorted_cloud_gives_the_points_that_all_points_give(small_map, planner
         assert all(map(np.array_equal, *found))
         picked.append(end)
     assert sum(n > 0 for n in picked) > 10
+
+
+def test_points_near_a_motion_say_what_all_points_say(small_map, planner, rng):
+    """Also which sphere and point are in the way, and where."""
+    robot, said, looked_up = small_map.robot, [], 0
+    nodes, memory = small_map.roadmap.nodes, planner.memory
+    for _ in range(250):
+        points = rng.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 1.5], (60, 3))
+        planner.step(points, q=np.zeros(robot.dof))
+        for length in (0.0, 0.1, 0.5, 1.0, 1.0, 1.0):
+            a, b = nodes[rng.integers(len(nodes), size=2)]
+            dq = length * difference(robot, a, b)
+            told = []
+            for layout in (AS_GIVEN, LINKED, SORTED):
+                # of AS_GIVEN the loop makes LINKED, and of SORTED nothing else
+                if layout != LINKED:
+                    memory.cloud.counts[LAYOUT] = layout
+                memory.cloud.counts[N_LOOKED] = 0
+                if layout == SORTED:
+                    occupancy.sort_points(planner.points, memory.cloud)
+                free = judge.close_free(memory.table, a, dq)
+                assert length > 0.0 or free == stands_free(memory.table, a)
+                made = SORTED if layout == SORTED else LINKED
+                assert memory.cloud.counts[LAYOUT] == made
+                blocker = memory.work.found[:2].tolist() + memory.work.value.tolist()
+                told.append((free, None if free else blocker))
+            assert told[0] == told[1] == told[2]
+            said.append(told[0][0])
+            looked_up += memory.picked.counts[N_INSIDE] < len(points) // 2
+    assert 100 < sum(said) < 1400
+    assert looked_up > 20
+
+
+def test_after_a_few_motions_of_a_frame_all_points_are_sorted(small_map, planner, rng):
+    memory, q = planner.memory, np.zeros(small_map.robot.dof)
+    planner.step(odm.sample_capsules(draw_arm(rng), 0.02), q=q)
+    memory.cloud.counts[[LAYOUT, N_LOOKED]] = AS_GIVEN, 0
+    for k in range(judge.FEW + 1):
+        judge.close_free(memory.table, q, 0.1 + q)
+        assert memory.cloud.counts[LAYOUT] == (LINKED if k < judge.FEW else SORTED)
+
+
+def test_what_is_not_finite_is_not_free_wherever_the_points_are(small_map, planner):
+    memory, q = planner.memory, np.zeros(small_map.robot.dof)
+    corner = small_map.grid.origin + 0.5 * small_map.grid.h  # nowhere near
+    planner.step(corner[None], q=q)
+    assert memory.cloud.counts[N_LISTED] == 1
+    for bad in (np.nan, np.inf):
+        memory.cloud.counts[[LAYOUT, N_LOOKED]] = AS_GIVEN, 0
+        assert judge.close_free(memory.table, q, q)
+        assert not judge.close_free(memory.table, q, q + bad)
+        assert not judge.close_free(memory.table, q + bad, q)
+    radii = memory.robot_state.radii.copy()
+    memory.robot_state.radii[:] = np.inf
+    assert not judge.close_free(memory.table, q, q)
+    memory.robot_state.radii[:] = radii
