@@ -12,7 +12,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
 from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
@@ -73,25 +75,70 @@ def gap(low, high, at):
     return max(0.0, max(low - at, at - high))
 
 
+@intrinsic
+def cells_near(typingctx, x, y, z, cx, cy, cz, r2):  # noqa: ANN001, ANN201
+    """Return the word of a block: its cells that come near a point.
+
+    Lengths are in cells. The block begins at x, y, z; the square of a cell's distance
+    from cx, cy, cz is at most `r2`. All cells are compared by one vector operation,
+    which LLVM takes apart as the processor needs it.
+    """
+    given = (x, y, z, cx, cy, cz, r2)
+    if not all(isinstance(kind, types.Float) for kind in given):
+        return None
+    real, number = ir.DoubleType(), ir.IntType(32)
+
+    def codegen(context, builder, signature, args):  # noqa: ANN001, ANN202
+        def spread(value, places):  # noqa: ANN001, ANN202
+            kind, order = ir.VectorType(number, len(places)), list(places)
+            unused = ir.Constant(value.type, ir.Undefined)
+            return builder.shuffle_vector(value, unused, ir.Constant(kind, order))
+
+        def copies(value, count):  # noqa: ANN001, ANN202
+            none = ir.Constant(ir.VectorType(real, 1), ir.Undefined)
+            one = builder.insert_element(none, value, number(0))
+            return spread(one, [0] * count)
+
+        def four(*values):  # noqa: ANN002, ANN202
+            return ir.Constant(ir.VectorType(real, 4), [*values])
+
+        def larger(a, b):  # noqa: ANN001, ANN202
+            return builder.select(builder.fcmp_ordered(">", a, b), a, b)
+
+        def gaps2(first, at):  # noqa: ANN001, ANN202
+            """Return the squares of the gaps along an axis, cell by cell."""
+            low = builder.fadd(copies(first, 4), four(0.0, 1.0, 2.0, 3.0))
+            high, at = builder.fadd(low, four(1.0, 1.0, 1.0, 1.0)), copies(at, 4)
+            over = larger(builder.fsub(low, at), builder.fsub(at, high))
+            apart = larger(over, four(0.0, 0.0, 0.0, 0.0))
+            return builder.fmul(apart, apart)
+
+        first, at, most = args[:3], args[3:6], args[6]
+        ux, uy, uz = map(gaps2, first, at)
+        left = builder.fsub(copies(most, 64), spread(ux, [c >> 4 for c in range(64)]))
+        left = builder.fsub(left, spread(uy, [c >> 2 & 3 for c in range(64)]))
+        near = builder.fcmp_ordered("<=", spread(uz, [c & 3 for c in range(64)]), left)
+        return builder.bitcast(near, ir.IntType(64))
+
+    return types.uint64(*[types.float64] * len(given)), codegen
+
+
 @njit(**INNER)
 def mark_ball(center, radius, grid, words):
     """Set the bits of the cells whose cube comes within `radius` of a point (3,).
 
-    The lines of cells along z that the ball has in the 16 columns of a block are found
-    by vector code: no branch, unsigned indices. Three blocks of z go at a time.
-    Returns False where a cell would lie outside the grid.
+    Returns False where a cell would lie outside the grid, or the point is not finite.
     """
     origin, inv = grid.origin, 1.0 / grid.h
     gx, gy = (center[0] - origin[0]) * inv, (center[1] - origin[1]) * inv
     gz = (center[2] - origin[2]) * inv
     r = radius * inv
     nbx, nby, nbz = grid.shape[0], grid.shape[1], grid.shape[2]
-    if gx - r < 0.0 or gy - r < 0.0 or gz - r < 0.0:
+    if not (gx - r >= 0.0 and gy - r >= 0.0 and gz - r >= 0.0):
         return False
-    if gx + r >= 4 * nbx or gy + r >= 4 * nby or gz + r >= 4 * nbz:
+    if not (gx + r < 4 * nbx and gy + r < 4 * nby and gz + r < 4 * nbz):
         return False
-    b0, b1 = int(gz - r) >> 2, int(gz + r) >> 2
-    r2, two, one, all_ = r * r, np.uint64(2), np.uint64(1), np.uint64(15)
+    first, last, r2 = int(gz - r) >> 2, int(gz + r) >> 2, r * r
     for bx in range(int(gx - r) >> 2, (int(gx + r) >> 2) + 1):
         x = 4.0 * bx
         dx = gap(x, x + 4.0, gx)
@@ -100,30 +147,9 @@ def mark_ball(center, radius, grid, words):
             dy = gap(y, y + 4.0, gy)
             if dx * dx + dy * dy > r2:
                 continue
-            for first in range(b0, b1 + 1, 3):
-                w0 = w1 = w2 = np.uint64(0)
-                low = np.int32(4 * first)
-                for c in range(np.uint64(16)):
-                    ix = x + np.float64(np.int32(c >> two))
-                    iy = y + np.float64(np.int32(c & np.uint64(3)))
-                    ux, uy = gap(ix, ix + 1.0, gx), gap(iy, iy + 1.0, gy)
-                    rest = r2 - ux * ux - uy * uy
-                    w = math.sqrt(max(rest, 0.0))
-                    z0 = max(np.int32(gz - w) - low, np.int32(0))
-                    z1 = min(np.int32(gz + w) - low, np.int32(11))
-                    keep = np.uint64(0) - np.uint64((rest >= 0.0) & (z0 <= z1))
-                    line = (two << np.uint64(z1 & 15)) - (one << np.uint64(z0 & 15))
-                    line, shift = line & keep, c << two
-                    w0 |= (line & all_) << shift
-                    w1 |= ((line >> np.uint64(4)) & all_) << shift
-                    w2 |= (line >> np.uint64(8)) << shift
-                at = (bx * nby + by) * nbz + first
-                if w0 != 0:
-                    words[at] |= w0
-                if w1 != 0:
-                    words[at + 1] |= w1
-                if w2 != 0:
-                    words[at + 2] |= w2
+            line = (bx * nby + by) * nbz
+            for bz in range(first, last + 1):
+                words[line + bz] |= cells_near(x, y, 4.0 * bz, gx, gy, gz, r2)
     return True
 
 
