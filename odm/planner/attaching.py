@@ -371,8 +371,7 @@ class Attacher(Remembering):
             if free:
                 left -= self._more_of_goal(g, min(free, left))
                 self.kept.keep(m.goals, g)
-        if left < most:
-            self._set_cost_to_any(len(self.goals))
+                self._set_cost_to_any(n)
         return most - left
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
