@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from odm.cell_map._block import cells_near
 from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
 from roadmap.jit_options import FULL, INNER, LEAN, WITHIN_INNER
@@ -77,21 +78,18 @@ def gap(low, high, at):
 def mark_ball(center, radius, grid, words):
     """Set the bits of the cells whose cube comes within `radius` of a point (3,).
 
-    The lines of cells along z that the ball has in the 16 columns of a block are found
-    by vector code: no branch, unsigned indices. Three blocks of z go at a time.
-    Returns False where a cell would lie outside the grid.
+    Returns False where a cell would lie outside the grid, or the point is not finite.
     """
     origin, inv = grid.origin, 1.0 / grid.h
     gx, gy = (center[0] - origin[0]) * inv, (center[1] - origin[1]) * inv
     gz = (center[2] - origin[2]) * inv
     r = radius * inv
     nbx, nby, nbz = grid.shape[0], grid.shape[1], grid.shape[2]
-    if gx - r < 0.0 or gy - r < 0.0 or gz - r < 0.0:
+    if not (gx - r >= 0.0 and gy - r >= 0.0 and gz - r >= 0.0):
         return False
-    if gx + r >= 4 * nbx or gy + r >= 4 * nby or gz + r >= 4 * nbz:
+    if not (gx + r < 4 * nbx and gy + r < 4 * nby and gz + r < 4 * nbz):
         return False
-    b0, b1 = int(gz - r) >> 2, int(gz + r) >> 2
-    r2, two, one, all_ = r * r, np.uint64(2), np.uint64(1), np.uint64(15)
+    first, last, r2 = int(gz - r) >> 2, int(gz + r) >> 2, r * r
     for bx in range(int(gx - r) >> 2, (int(gx + r) >> 2) + 1):
         x = 4.0 * bx
         dx = gap(x, x + 4.0, gx)
@@ -100,30 +98,9 @@ def mark_ball(center, radius, grid, words):
             dy = gap(y, y + 4.0, gy)
             if dx * dx + dy * dy > r2:
                 continue
-            for first in range(b0, b1 + 1, 3):
-                w0 = w1 = w2 = np.uint64(0)
-                low = np.int32(4 * first)
-                for c in range(np.uint64(16)):
-                    ix = x + np.float64(np.int32(c >> two))
-                    iy = y + np.float64(np.int32(c & np.uint64(3)))
-                    ux, uy = gap(ix, ix + 1.0, gx), gap(iy, iy + 1.0, gy)
-                    rest = r2 - ux * ux - uy * uy
-                    w = math.sqrt(max(rest, 0.0))
-                    z0 = max(np.int32(gz - w) - low, np.int32(0))
-                    z1 = min(np.int32(gz + w) - low, np.int32(11))
-                    keep = np.uint64(0) - np.uint64((rest >= 0.0) & (z0 <= z1))
-                    line = (two << np.uint64(z1 & 15)) - (one << np.uint64(z0 & 15))
-                    line, shift = line & keep, c << two
-                    w0 |= (line & all_) << shift
-                    w1 |= ((line >> np.uint64(4)) & all_) << shift
-                    w2 |= (line >> np.uint64(8)) << shift
-                at = (bx * nby + by) * nbz + first
-                if w0 != 0:
-                    words[at] |= w0
-                if w1 != 0:
-                    words[at + 1] |= w1
-                if w2 != 0:
-                    words[at + 2] |= w2
+            line = (bx * nby + by) * nbz
+            for bz in range(first, last + 1):
+                words[line + bz] |= cells_near(x, y, 4.0 * bz, gx, gy, gz, r2)
     return True
 
 

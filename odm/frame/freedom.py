@@ -17,7 +17,10 @@ def check_valid(static: StaticTest, q: np.ndarray, name: str) -> None:
     trouble = outside_limits(static.robot, q, 0.0)
     if trouble is not None:
         raise BadConfiguration(f"{name} is out of limits: {trouble}; move it inside")
-    why = static.why(q, np.zeros_like(q))
+    still = np.zeros_like(q)
+    if static.motion_free(q, still):
+        return
+    why = static.why(q, still)
     if why is not None:
         raise BadConfiguration(f"{name} is not free: {why}; choose another one")
 

@@ -72,6 +72,14 @@ class Attacher(Remembering):
         self.kept = CachedGoals(frame.memory.goals, max(wanted.cached_goals, tight))
         self.near = np.zeros(self.roadmap.n_nodes)
         self._through = np.zeros(self.roadmap.n_nodes)
+        # joint by joint, and landmark by landmark: several nodes are taken at a time
+        self._joints = np.ascontiguousarray(self.roadmap.nodes.T)
+        self._landmarks = np.ascontiguousarray(self.roadmap.landmarks.T)
+        lengths = self.roadmap.lengths
+        self._edge_lengths = (
+            float(lengths.min(initial=1.0)),
+            float(lengths.max(initial=1.0)),
+        )
         self._to_robot = np.zeros(self.roadmap.n_nodes)
         self.q_attached = frame.memory.robot_state.q_attached
         self._attached_key = b""  # the same as bytes, which are compared faster
@@ -148,7 +156,7 @@ class Attacher(Remembering):
         n = len(goals)
         m.goals.count[0] = n
         m.numbers.joint_costs[0] = 0 if costs is None else 1
-        np.min(m.goals.h[:n] + m.goals.cost[:n, None], axis=0, out=m.robot_state.h_any)
+        self._set_cost_to_any(n)
         path.goals_changed(vertex, m.goals.vertex[:n])
         used = {*self._vertices(), *self.kept.vertices()}
         self._later = {v: nodes for v, nodes in self._later.items() if v in used}
@@ -181,8 +189,7 @@ class Attacher(Remembering):
 
     def _attach_goal(self, g: int, q: np.ndarray, at_once: int | None = None) -> None:
         """Join a goal to the roadmap, by few motions at first."""
-        m = self.frame.memory
-        goals, roadmap = m.goals, self.roadmap
+        goals = self.frame.memory.goals
         goals.at[g] = -1
         goals.blocked_at[g] = -1.0
         goals.vertex[g] = self.new_vertex()
@@ -193,15 +200,8 @@ class Attacher(Remembering):
             goals.node[g, 0], goals.length[g, 0] = nearest, 0.0
             goals.ref[g, 0] = kinds.IS_GOAL
             goals.at[g, nearest] = 0
-            kernels.landmark_cost(
-                roadmap.landmarks,
-                nearest,
-                roadmap.nodes,
-                q,
-                roadmap.weights,
-                self.frame.robot.continuous,
-                goals.h[g],
-            )
+            goals.h[g] = self.near
+            kernels.raise_by_landmarks(self._landmarks, nearest, goals.h[g])
             return
         self._set_beyond(False)
         self._later[int(goals.vertex[g])] = self._candidates(
@@ -228,15 +228,12 @@ class Attacher(Remembering):
         self._lengths(ids, q, goals.length[g, k:n])
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        if k:
-            new, by = goals.node[g, k:n], goals.length[g, k:n]
-            cost_to_go.lower_costs(
-                m.graph, new, by, m.search, goals.h[g], cost_to_go.ROUNDING
-            )
-        else:
-            cost_to_go.exact_cost(
-                m.graph, goals.node[g], goals.length[g], n, m.search, goals.h[g]
-            )
+        if not k:
+            goals.h[g] = np.inf
+        cost_to_go.lower_costs(
+            m.graph, goals.node[g, k:n], goals.length[g, k:n], m.search, goals.h[g],
+            *self._edge_lengths,
+        )  # fmt: skip
         return tried
 
     def _more_of_start(self, most: int) -> int:
@@ -343,7 +340,7 @@ class Attacher(Remembering):
             if left > 0 and int(m.goals.vertex[g]) in self._later:
                 left -= self._more_of_goal(g, left)
                 self.kept.keep(m.goals, g)
-        self._update_cost_to_any()
+        self._set_cost_to_any(len(self.goals))
         return most - left
 
     def attach_free(self, most: int) -> int:
@@ -374,8 +371,7 @@ class Attacher(Remembering):
             if free:
                 left -= self._more_of_goal(g, min(free, left))
                 self.kept.keep(m.goals, g)
-        if left < most:
-            self._update_cost_to_any()
+                self._set_cost_to_any(n)
         return most - left
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
@@ -407,11 +403,12 @@ class Attacher(Remembering):
             self._ends = self.frame.number, asked, free
         return free
 
-    def _update_cost_to_any(self) -> None:
-        """Let h_any be the least cost to go, over the goals."""
-        m, n = self.frame.memory, len(self.goals)
-        rest = m.goals.h[:n] + m.goals.cost[:n, None]
-        np.min(rest, axis=0, initial=np.inf, out=m.robot_state.h_any)
+    def _set_cost_to_any(self, n: int) -> None:
+        """Let h_any be the least cost to go to one of the first `n` goals."""
+        goals, least = self.frame.memory.goals, self.frame.memory.robot_state.h_any
+        least[:] = np.inf
+        for h, cost in zip(goals.h[:n], goals.cost[:n], strict=True):
+            np.minimum(least, h + cost if cost else h, out=least)
 
     # --- starts ----------------------------------------------------------------
 
@@ -650,7 +647,7 @@ class Attacher(Remembering):
         """
         roadmap, out = self.roadmap, self.near if out is None else out
         continuous = self.frame.robot.continuous
-        kernels.distances(roadmap.nodes, q, roadmap.weights, continuous, out)
+        kernels.distances(self._joints, q, roadmap.weights, continuous, out)
         return out
 
     def _lengths(self, ids: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:

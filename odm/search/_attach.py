@@ -8,14 +8,16 @@ from numba import njit
 from odm.cell_map._sweep import sweep_motion
 from odm.close_test._close import displacement, set_point
 from odm.search._bound import GOAL_SIDE, NO_EXIT_SIDE, START_SIDE
+from odm.search._cost_to_go import ROUNDING
 from odm.search._items import item_free
 from odm.search._judge import close_free, stands_free
 from odm.search._state import view
-from roadmap.jit_options import INNER, LEAN, WITHIN_INNER
+from roadmap.jit_options import BARE, INNER, LEAN, WITHIN_INNER
 
 # of what `free_first` returns: how many nodes are free, and how many it looked at
 FREE_NODES, LOOKED_AT = 0xFFFF, 16
 WAITS, IS_FREE, IS_BLOCKED = 0, 1, 2  # what it finds of a node
+AT_ONCE = np.uint64(512)  # nodes whose numbers stay in the cache
 
 
 @njit(**WITHIN_INNER)
@@ -31,11 +33,28 @@ def distance(nodes, i, q, weights, continuous):
     return math.sqrt(total)
 
 
-@njit(**LEAN)
-def distances(nodes, q, weights, continuous, out):
-    """Write the weighted distance of every node from q to `out`."""
-    for i in range(nodes.shape[0]):
-        out[i] = distance(nodes, i, q, weights, continuous)
+@njit(**BARE)
+def distances(joints, q, weights, continuous, out):
+    """Write the weighted distance of every node from q to `out` (n,).
+
+    `joints` (dof, n) are the nodes joint by joint: vector code takes several at a time,
+    so many at once as stay in the cache. The same numbers as `distance`.
+    """
+    n = np.uint64(out.shape[0])
+    for first in range(np.uint64(0), n, AT_ONCE):
+        last = min(n, first + AT_ONCE)
+        for i in range(first, last):
+            out[i] = 0.0
+        for j in range(np.uint64(q.shape[0])):
+            row, at, weight = joints[j], q[j], weights[j]
+            for i in range(first, last):
+                d = row[i] - at
+                if continuous[j]:
+                    d -= 2.0 * math.pi * np.rint(d / (2.0 * math.pi))
+                d *= weight
+                out[i] += d * d
+        for i in range(first, last):
+            out[i] = math.sqrt(out[i])
 
 
 @njit(**LEAN)
@@ -112,16 +131,23 @@ def sweep_into_pool(swept, q, dq, region, pool, room):
     return first
 
 
-@njit(**LEAN)
-def landmark_cost(landmarks, node, nodes, q, weights, continuous, h):
-    """Fill `h` with lower bounds on the cost to go to a node, by landmarks."""
-    distances(nodes, q, weights, continuous, h)
-    for i in range(landmarks.shape[0]):
-        best = h[i]
-        for k in range(landmarks.shape[1]):
-            best = max(best, abs(landmarks[i, k] - landmarks[node, k]))
-        # rounding must not lift the bound above the truth
-        h[i] = best * (1.0 - 1e-12)
+@njit(**BARE)
+def raise_by_landmarks(landmarks, node, h):
+    """Raise lower bounds `h` (n,) on the cost to go to a node by landmarks.
+
+    `landmarks` (l, n) are the costs to go to each of them.
+    """
+    n = np.uint64(h.shape[0])
+    for first in range(np.uint64(0), n, AT_ONCE):
+        last = min(n, first + AT_ONCE)
+        for k in range(np.uint64(landmarks.shape[0])):
+            row, there = landmarks[k], landmarks[k, node]
+            for i in range(first, last):
+                least = abs(row[i] - there)
+                if least > h[i]:
+                    h[i] = least
+        for i in range(first, last):
+            h[i] *= ROUNDING
 
 
 @njit(**INNER)

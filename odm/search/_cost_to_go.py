@@ -5,57 +5,86 @@ Communications of the ACM 12(11), 1969): no node of a bucket can shorten the pat
 another one in it, so their order does not matter and no heap is needed.
 """
 
-import math
-
+import numpy as np
 from numba import njit
 
 from odm.search._astar import pop, push
-from roadmap.jit_options import INNER, LEAN
+from roadmap.jit_options import BARE, BARE_INNER
 
 MOST_BUCKETS = 4096
+NARROWER = 1.0 + 1e-9  # than the shortest edge buckets are: sums are rounded
 ROUNDING = 1.0 - 1e-12  # rounding must not lift the bound above the truth
 
 
-@njit(**LEAN)
-def exact_cost(graph, node, length, number, search, h):
-    """Fill `h` (n,) with the cost to go to a goal.
-
-    It is joined to `node` (number,) by motions of `length` (number,).
-    """
-    h[:] = math.inf
-    if number == 0:
-        return
-    node, length = node[:number], length[:number]
-    width = math.inf
-    longest = 0.0
-    for k in range(graph.adj_length.shape[0]):
-        width = min(width, graph.adj_length[k])
-        longest = max(longest, graph.adj_length[k])
-    first, last = math.inf, 0.0
-    for a in range(node.shape[0]):
-        first, last = min(first, length[a]), max(last, length[a])
-    span = max(longest, last - first)
-    if width * MOST_BUCKETS > span:
-        by_buckets(graph, node, length, search, h, width, span)
-    else:
-        lower_costs(graph, node, length, search, h, 1.0)
-    for i in range(h.shape[0]):
-        h[i] *= ROUNDING
-
-
-@njit(**LEAN)
-def lower_costs(graph, node, length, search, h, rounding):
+@njit(**BARE)
+def lower_costs(graph, node, length, search, h, shortest, longest):
     """Lower `h` (n,) where `node` (k,), joined by `length` (k,), is a shorter way.
 
-    `h` is the cost to go by the motions that the goal had before, times `rounding`, or
-    infinity. Only nodes whose cost falls, and their neighbours, are looked at
-    (Dijkstra's algorithm).
+    `h` is the cost to go by the motions that the goal had before, or infinity. Only
+    nodes whose cost falls, and their neighbours, are looked at (Dijkstra's algorithm).
+    No edge is shorter than `shortest` or longer than `longest`.
     """
+    span = longest
+    for a in range(length.shape[0]):
+        for b in range(a):
+            span = max(span, abs(length[a] - length[b]))
+    count, least = 1, NARROWER * span / shortest + 3.0
+    while count < least and count < MOST_BUCKETS:
+        count *= 2
+    if count >= least and count <= search.heap_e.shape[0]:
+        by_buckets(graph, node, length, search, h, NARROWER / shortest, count)
+    else:
+        by_heap(graph, node, length, search, h)
+
+
+@njit(**BARE_INNER)
+def by_buckets(graph, node, length, search, h, per_length, count):
+    """Lower `h` by `count` buckets, a power of two; `per_length` of them are 1 long."""
+    head, after, mask = search.heap_e, search.e_from, np.uint64(count - 1)
+    for b in range(count):
+        head[b] = -1
+    entries, waiting, first = np.int64(0), 0, np.inf
+    for a in range(node.shape[0]):
+        if length[a] * ROUNDING < h[node[a]]:
+            h[node[a]] = length[a] * ROUNDING
+            first = min(first, length[a])
+            c = np.uint64(length[a] * per_length) & mask
+            search.e_node[entries], search.e_g[entries] = node[a], length[a]
+            after[entries], head[c] = head[c], entries
+            entries += 1
+            waiting += 1
+    at = np.uint64(first * per_length) if waiting > 0 else np.uint64(0)
+    while waiting > 0:
+        b = at & mask
+        while head[b] >= 0:
+            entry = np.uint64(head[b])
+            head[b] = after[entry]
+            waiting -= 1
+            v, f = np.uint64(search.e_node[entry]), search.e_g[entry]
+            if f * ROUNDING > h[v]:
+                continue
+            begin, end = graph.adj_ptr[v], graph.adj_ptr[v + np.uint64(1)]
+            for k in range(np.uint64(begin), np.uint64(end)):
+                w = np.uint64(graph.adj_node[k])
+                through = f + graph.adj_length[k]
+                if through * ROUNDING < h[w]:
+                    h[w] = through * ROUNDING
+                    c = np.uint64(through * per_length) & mask
+                    search.e_node[entries], search.e_g[entries] = w, through
+                    after[entries], head[c] = head[c], entries
+                    entries += 1
+                    waiting += 1
+        at += np.uint64(1)
+
+
+@njit(**BARE_INNER)
+def by_heap(graph, node, length, search, h):
+    """Lower `h` by a heap, which takes edges of any length."""
     entries = 0
     size = 0
     for a in range(node.shape[0]):
-        if length[a] * rounding < h[node[a]]:
-            h[node[a]] = length[a] * rounding
+        if length[a] * ROUNDING < h[node[a]]:
+            h[node[a]] = length[a] * ROUNDING
             search.e_node[entries] = node[a]
             push(search, size, length[a], entries)
             entries += 1
@@ -64,57 +93,14 @@ def lower_costs(graph, node, length, search, h, rounding):
         f = search.heap_f[0]
         v = search.e_node[pop(search, size)]
         size -= 1
-        if f * rounding > h[v]:
+        if f * ROUNDING > h[v]:
             continue
         for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
             w = graph.adj_node[k]
             through = f + graph.adj_length[k]
-            if through * rounding < h[w] and entries < search.e_node.shape[0]:
-                h[w] = through * rounding
+            if through * ROUNDING < h[w]:
+                h[w] = through * ROUNDING
                 search.e_node[entries] = w
                 push(search, size, through, entries)
                 entries += 1
                 size += 1
-
-
-@njit(**INNER)
-def by_buckets(graph, node, length, search, h, width, span):
-    """Fill `h` by buckets of `width`: no edge is shorter, none over `span`."""
-    head, after = search.heap_e, search.e_from
-    count = min(int(span / width) + 3, head.shape[0])
-    for b in range(count):
-        head[b] = -1
-    entries = 0
-    waiting = 0
-    first = math.inf
-    for a in range(node.shape[0]):
-        first = min(first, length[a])
-        v = node[a]
-        if length[a] < h[v]:
-            h[v] = length[a]
-            b = int(length[a] / width) % count
-            search.e_node[entries], search.e_g[entries] = v, length[a]
-            after[entries], head[b] = head[b], entries
-            entries += 1
-            waiting += 1
-    at = int(first / width)
-    while waiting > 0:
-        b = at % count
-        while head[b] >= 0:
-            entry = head[b]
-            head[b] = after[entry]
-            waiting -= 1
-            v, f = search.e_node[entry], search.e_g[entry]
-            if f != h[v]:
-                continue
-            for k in range(graph.adj_ptr[v], graph.adj_ptr[v + 1]):
-                w = graph.adj_node[k]
-                through = f + graph.adj_length[k]
-                if through < h[w] and entries < after.shape[0]:
-                    h[w] = through
-                    c = int(through / width) % count
-                    search.e_node[entries], search.e_g[entries] = w, through
-                    after[entries], head[c] = head[c], entries
-                    entries += 1
-                    waiting += 1
-        at += 1

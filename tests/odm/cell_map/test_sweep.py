@@ -50,6 +50,18 @@ def test_a_ball_that_leaves_the_grid_is_reported():
         assert not mark_ball(np.array(center), 0.06, grid, words)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_ball_that_is_nowhere_is_reported_and_marks_nothing(bad):
+    words = np.zeros(8, np.uint64)
+    grid = sweep.Grid(np.zeros(3), 0.1, np.full(3, 2))
+    for axis in range(3):
+        center = np.full(3, 0.4)
+        center[axis] = bad
+        assert not mark_ball(center, 0.06, grid, words)
+    assert not mark_ball(np.full(3, 0.4), bad if bad > 0.0 else np.nan, grid, words)
+    assert not words.any()
+
+
 def test_a_node_sweeps_exactly_the_cells_near_its_spheres(small_map):
     radii = small_map.swept_radii() + ROUNDING
     grid = small_map.grid

@@ -52,8 +52,10 @@ def test_few_motions_are_joined_at_once_and_all_between_frames(small_map):
     goals, n = m.goals, int(m.goals.number[0])
     assert len(set(goals.node[0, :n].tolist())) == n
     assert np.array_equal(goals.at[0, goals.node[0, :n]], np.arange(n))
-    h = np.zeros_like(goals.h[0])
-    cost_to_go.exact_cost(m.graph, goals.node[0], goals.length[0], n, m.search, h)
+    h, lengths = np.full_like(goals.h[0], np.inf), m.graph.adj_length
+    ends = float(lengths.min()), float(lengths.max())
+    joins = goals.node[0, :n], goals.length[0, :n]
+    cost_to_go.lower_costs(m.graph, *joins, m.search, h, *ends)
     assert np.array_equal(h, goals.h[0]) and np.array_equal(h, m.robot_state.h_any)
 
 
