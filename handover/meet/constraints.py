@@ -115,9 +115,9 @@ class Inside:
 class ClearOf:
     """Nothing is handed over in or through what stands still: ground, table, wall.
 
-    Half-spaces and boxes count for the object, boxes for the hand and forearm that take
-    it: who stands beside a table has its half-space about their legs. What else is in
-    the robot's way the planner finds out, place by place.
+    Half-spaces and boxes count for the object, boxes for the arm that takes it: who
+    stands beside a table has its half-space about their legs. What else is in the
+    robot's way the planner finds out, place by place.
 
     Attributes:
         scenery: Base frame, as `odm.CellMap.scenery`.
@@ -144,9 +144,11 @@ class ClearOf:
     def allows_arms(self, rods: np.ndarray) -> np.ndarray:
         """Return (n,) bool: which arms, capsules (n, k, 7) in the world [m], are clear.
 
-        Of the boxes alone.
+        An arm is in a box where the axis of a capsule passes through it: one that rests
+        on the edge of a table touches it, and may.
         """
         here = moved_rods(rods.reshape(-1, 7), inverse_pose(self.T_world_base))
+        here[:, 6] = 0.0
         return ~self._in_boxes(here).reshape(rods.shape[:2]).any(axis=1)
 
     def _in_boxes(self, rods: np.ndarray) -> np.ndarray:
