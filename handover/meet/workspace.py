@@ -36,6 +36,7 @@ from roadmap.ranges import check_kind, is_between, settings_of, told
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
+_MOST_RANKED = 100_000  # targets of one ranking
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +208,10 @@ class InteractionWorkspace:
         `go_on` leads it to its end, some work a frame, then `ranked` returns them. A
         ranking that was begun before is given up.
         """
-        if not (is_between(k, 1, 100_000) and isinstance(k, Integral)):
-            raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
+        if not (is_between(k, 1, _MOST_RANKED) and isinstance(k, Integral)):
+            raise BadInput(
+                f"the best {k} targets are none; give k from 1 to {_MOST_RANKED}"
+            )
         self._give_up()
         if len(self._top.value) != k:
             self._top = top_of(k)
@@ -300,9 +303,9 @@ class InteractionWorkspace:
         while True:
             ranked = self.best(n)
             kept = self.takeable(ranked)
-            if len(kept) >= k or len(ranked) < n:
+            if len(kept) >= k or len(ranked) < n or n == _MOST_RANKED:
                 return kept[:k]
-            n *= 2
+            n = min(2 * n, _MOST_RANKED)
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""

@@ -419,6 +419,7 @@ def test_nobody_takes_an_object_with_an_arm_in_what_stands_still(meet_of, rng, k
     assert [t.key for t in kept] == [t.key for t in ranked if t in kept]
     if kind == "plane":  # who stands beside a table has its half-space about them
         assert kept == ranked
+        assert [t.key for t in meet.best_takeable(5)] == [t.key for t in ranked[:5]]
         return
     checked = 0
     for target in ranked:
@@ -431,6 +432,9 @@ def test_nobody_takes_an_object_with_an_arm_in_what_stands_still(meet_of, rng, k
             checked += 1
     assert 0 < len(kept) < len(ranked) and checked > 0.9 * len(ranked)
     assert meet_of(human).takeable(ranked) == ranked  # nothing stands about
+    few = meet.best_takeable(5)  # among as many as it takes to find them
+    assert [t.key for t in few] == [t.key for t in kept[:5]]
+    assert len(meet.best_takeable(100_000)) < len(meet.best(100_000))
 
 
 def test_the_cells_of_a_map_are_found_once_while_it_is_in_memory(robot_map):
