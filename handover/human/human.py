@@ -16,6 +16,7 @@ import numpy as np
 from handover.human import anthropometry as body
 from handover.human._human_arm import body_places
 from handover.human.body import (
+    ARM_LABELS,
     COLUMN,
     JOINTS,
     LEG_LABELS,
@@ -227,6 +228,21 @@ class Human:
         legs = _legs(self.skeleton, posture_named(self.posture), body_of.sizes)
         return body_of.with_legs(self.places, legs, self.T_world_pelvis)
 
+    def arm_capsules(self, side: str, joints: np.ndarray) -> np.ndarray:
+        """Return hand, forearm and upper arm of one arm, bent otherwise.
+
+        Args:
+            side: "left" or "right".
+            joints: (n, 7) joints of that arm, once for each answer [rad].
+
+        Returns:
+            (n, 3, 7) capsules a, b, radius, world [m].
+        """
+        body_of = _upper_body(self.height, self.thickness)
+        rows, arms = np.isin(body_of.labels, ARM_LABELS[check_side(side)]), self.arms
+        places = (self._places_with({**arms, side: np.array(q)}) for q in joints)
+        return np.array([body_of.capsules(at)[rows] for at in places]).reshape(-1, 3, 7)
+
     def surface_points(
         self, spacing: float = 0.03, T_world_base: np.ndarray | None = None
     ) -> np.ndarray:
@@ -275,9 +291,13 @@ class Human:
         return T
 
     def _places(self) -> np.ndarray:
+        return self._places_with(self.arms)
+
+    def _places_with(self, joints: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return (11, 3) places of the joints for arms bent otherwise [m]."""
         places = np.empty((len(JOINTS), 3))
         poses = np.array(self.T_world_pelvis), np.array(self.T_world_chest)
-        arms = [np.array(self.arms[side]) for side in SIDES]
+        arms = [np.array(joints[side]) for side in SIDES]
         given = _lengths(self.skeleton, self.sizes.hand)
         body_places(given, *poses, *arms, places)
         return places

@@ -13,6 +13,7 @@ from handover.meet.held_object import HeldObject
 from odm.obstacles.scenery import BOX, PLANE, Scenery
 from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import meet_box, moved_rods
 from roadmap.ranges import check_number
 from roadmap.transforms import inverse_pose
 
@@ -112,10 +113,11 @@ class Inside:
 
 @dataclass(frozen=True, eq=False)
 class ClearOf:
-    """The object is not in what stands still: the ground, a table, a wall.
+    """Nothing is handed over in or through what stands still: ground, table, wall.
 
-    Half-spaces and boxes count, against the ends of the object's capsules. What else is
-    in the way the planner finds out, place by place.
+    Half-spaces and boxes count for the object, boxes for the arm that takes it: who
+    stands beside a table has its half-space about their legs. What else is in the
+    robot's way the planner finds out, place by place.
 
     Attributes:
         scenery: Base frame, as `odm.CellMap.scenery`.
@@ -126,20 +128,39 @@ class ClearOf:
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
-        """Return which poses keep the ends of every capsule out of all of it."""
+        """Return which poses keep every capsule out of all of it."""
         T = inverse_pose(self.T_world_base) @ T_world_object
         clear = np.ones(len(T), bool)
-        solids = self.scenery.solids
         for rod in obj.capsules:
-            for end in (rod[:3], rod[3:6]):
-                p = T[:, :3, :3] @ end + T[:, :3, 3]
-                for row in solids[solids[:, 0] == PLANE]:
-                    clear &= p @ row[1:4] > row[4] + rod[6]
-                for row in solids[solids[:, 0] == BOX]:
-                    local = (p - row[1:4]) @ row[4:13].reshape(3, 3)
-                    out = np.maximum(np.abs(local) - row[13:16], 0.0)
-                    clear &= np.linalg.norm(out, axis=1) > rod[6]
+            rods = np.empty((len(T), 7))
+            rods[:, 6] = rod[6]
+            for at in (slice(0, 3), slice(3, 6)):
+                ends = rods[:, at] = T[:, :3, :3] @ rod[at] + T[:, :3, 3]
+                for row in self._solids(PLANE):
+                    clear &= ends @ row[1:4] > row[4] + rod[6]
+            clear &= ~self._in_boxes(rods)
         return clear
+
+    def allows_arms(self, rods: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: which arms, capsules (n, k, 7) in the world [m], are clear.
+
+        An arm is in a box where the axis of a capsule passes through it: one that rests
+        on the edge of a table touches it, and may.
+        """
+        here = moved_rods(rods.reshape(-1, 7), inverse_pose(self.T_world_base))
+        here[:, 6] = 0.0
+        return ~self._in_boxes(here).reshape(rods.shape[:2]).any(axis=1)
+
+    def _in_boxes(self, rods: np.ndarray) -> np.ndarray:
+        """Return which capsules (n, 7), base frame [m], meet a box."""
+        meets = np.zeros(len(rods), bool)
+        for row in self._solids(BOX):
+            meets |= meet_box(rods, row[1:4], row[4:13].reshape(3, 3), row[13:16])
+        return meets
+
+    def _solids(self, kind: float) -> np.ndarray:
+        solids = self.scenery.solids
+        return solids[solids[:, 0] == kind]
 
 
 def allowed(

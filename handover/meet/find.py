@@ -20,6 +20,8 @@ from roadmap.errors import BadInput
 from roadmap.ranges import check_number, settings_of
 from roadmap.robot.robot import Robot
 
+_NO_ROOM = "the hand or forearm that takes the object would be in what stands still"
+
 
 @dataclass(frozen=True, eq=False)
 class Handover:
@@ -57,8 +59,9 @@ def find_handover(
 ) -> Handover:
     """Return the best target that passes, with the robot's configuration.
 
-    Best first: the robot's inverse kinematics from the reach map's witness, then the
-    test of validity. A target that fails is removed from the workspace and listed.
+    Best first: whether the arm that takes is clear of what constraints know, the
+    robot's inverse kinematics from the reach map's witness, then the test of validity.
+    A target that fails is removed from the workspace and listed.
 
     Args:
         meet: The targets.
@@ -92,7 +95,9 @@ def find_handover(
             )
             return Handover(target, None, tuple(tried), True, why)
         T_base_tool = T_base_world @ target.T_world_tool
-        q, why = _reaching(meet, robot, T_base_tool, valid, settings)
+        q, why = None, _NO_ROOM
+        if meet.takeable([target]):
+            q, why = _reaching(meet, robot, T_base_tool, valid, settings)
         if q is not None:
             return Handover(target, q, tuple(tried), False)
         tried.append((target, why))

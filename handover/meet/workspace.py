@@ -14,7 +14,7 @@ import numpy as np
 from handover.human.human import Human
 from handover.meet import _meet as kernels
 from handover.meet._meet_search import Entries, Search, begin, go_on
-from handover.meet.constraints import allowed
+from handover.meet.constraints import ClearOf, allowed
 from handover.meet.held_object import HeldObject, checked_grasps
 from handover.meet.meet_tables import (
     PersonTables,
@@ -36,6 +36,7 @@ from roadmap.ranges import check_kind, is_between, settings_of, told
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
+_MOST_RANKED = 100_000  # targets of one ranking
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +208,10 @@ class InteractionWorkspace:
         `go_on` leads it to its end, some work a frame, then `ranked` returns them. A
         ranking that was begun before is given up.
         """
-        if not (is_between(k, 1, 100_000) and isinstance(k, Integral)):
-            raise BadInput(f"the best {k} targets are none; give k from 1 to 100000")
+        if not (is_between(k, 1, _MOST_RANKED) and isinstance(k, Integral)):
+            raise BadInput(
+                f"the best {k} targets are none; give k from 1 to {_MOST_RANKED}"
+            )
         self._give_up()
         if len(self._top.value) != k:
             self._top = top_of(k)
@@ -278,6 +281,31 @@ class InteractionWorkspace:
     def quality_of(self, keys: Sequence[int]) -> np.ndarray:
         """Return (n,) quality of some cells now; -1 where `rated` would be None."""
         return self._rate(keys)[1]
+
+    def takeable(self, targets: Sequence[Target]) -> list[Target]:
+        """Return those at which hand and forearm are not in what stands still.
+
+        Bent as `Target.arm_q` says, and as far as a constraint tells of arms
+        (`ClearOf`); others are all returned.
+        """
+        kept, s = list(targets), self.settings
+        for constraint in s.constraints:
+            if kept and isinstance(constraint, ClearOf):
+                bent = np.array([target.arm_q for target in kept])
+                arms = self.human.arm_capsules(s.side, bent)[:, :2]
+                clear = constraint.allows_arms(arms).tolist()
+                kept = [t for t, good in zip(kept, clear, strict=True) if good]
+        return kept
+
+    def best_takeable(self, k: int = 10) -> list[Target]:
+        """Return the best k of those that are `takeable`, best first."""
+        n = k
+        while True:
+            ranked = self.best(n)
+            kept = self.takeable(ranked)
+            if len(kept) >= k or len(ranked) < n or n == _MOST_RANKED:
+                return kept[:k]
+            n = min(2 * n, _MOST_RANKED)
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""

@@ -122,6 +122,8 @@ class LiveTargets:
         self._touched = False  # the person is within the clearance of the robot
         self._outdated = False  # the goals are of the person's other arm
         self._best = 0.0
+        # of the last ranking, those at which the arm would be in what stands still
+        self._in_the_way: set[int] = set()
         self._blocked = 0  # frames without a target that can be reached
 
     def step(
@@ -253,7 +255,9 @@ class LiveTargets:
             return human
         return with_arm_at_rest(human, self.meet.settings.side)
 
-    def _take_ranked(self, targets: list[Target]) -> None:
+    def _take_ranked(self, ranked: list[Target]) -> None:
+        targets = self.meet.takeable(ranked)
+        self._in_the_way = {t.key for t in ranked} - {t.key for t in targets}
         self._best = targets[0].quality if targets else 0.0
         if self.settings.near_rest:
             targets = self._least_turned_first(targets)
@@ -366,7 +370,7 @@ class LiveTargets:
 
     def _known(self) -> list[Target]:
         """Return the targets on offer with their quality now; those gone left out."""
-        keys = self.choice.keys
+        keys = [key for key in self.choice.keys if key not in self._in_the_way]
         away = [key for key in keys if key not in self._targets]
         rated = self.meet.rated(away) if away else []
         both = self._targets | {t.key: t for t in rated if t is not None}

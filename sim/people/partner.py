@@ -10,6 +10,7 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS, LEG_LABELS
 from handover.human.human import Human
+from handover.meet.constraints import ClearOf
 from handover.meet.held_object import HeldObject
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
 from sim.people.arm_path import minimum_jerk
@@ -90,6 +91,8 @@ class Partner:
         gives: Whether the person has the object, and gives it.
         arm_q: (7,) joints with which a giver holds it out.
         grasp: (4, 4) T_object_hand of a giver.
+        clear: What stands about, through which nobody reaches for an object; None:
+            nothing.
 
     Attributes:
         human: The person now.
@@ -107,7 +110,9 @@ class Partner:
         gives: bool = False,
         arm_q: np.ndarray | None = None,
         grasp: np.ndarray | None = None,
+        clear: ClearOf | None = None,
     ) -> None:
+        self._clear = clear
         self.body, self.side, self.obj, self.traits = body, side, obj, traits
         self.gives, self.holds, self.pull = gives, gives, 0.0
         self.grasp = np.array(obj.hand_grasps[0] if grasp is None else grasp)
@@ -328,7 +333,8 @@ class Partner:
         self._next_try = now + _TRIES
         found = []
         for grasp in self.obj.hand_grasps:
-            for q in self.body.arm_ik(self.side, T_object @ grasp).q:
+            joints = self.body.arm_ik(self.side, T_object @ grasp).q
+            for q in joints[self._have_room(joints)]:
                 found.append((float(np.abs(q - self.arm).max()), np.array(q), grasp))
         found.sort(key=lambda one: one[0])
         for _, q, grasp in found[:_LOOKED_AT]:
@@ -355,6 +361,13 @@ class Partner:
             begin = q
         return True
 
+    def _have_room(self, joints: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: where hand and forearm are not in what stands about."""
+        if self._clear is None:
+            return np.ones(len(joints), bool)
+        arms = self.body.arm_capsules(self.side, joints)
+        return self._clear.allows_arms(arms[:, :2])
+
     def _gap_at(self, q: np.ndarray) -> float:
         """Return how far the robot is from the arm at q (7,) [m]."""
         if not len(self.balls):
@@ -363,8 +376,7 @@ class Partner:
 
     def _arm_at(self, q: np.ndarray) -> np.ndarray:
         """Return (k, 7) the capsules of the arm at q (7,) [m]."""
-        there = self.body.with_arm(self.side, q)
-        return there.capsules()[np.isin(there.labels, ARM_LABELS[self.side])]
+        return self.body.arm_capsules(self.side, q[None])[0]
 
     def _go(self, now: float, q: np.ndarray) -> None:
         """Move the arm so that the hand's speed has the peak that was drawn."""

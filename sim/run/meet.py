@@ -18,6 +18,7 @@ from handover import (
     chain_of,
     load_reach_map,
 )
+from handover.meet.constraints import ClearOf
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
 from handover.meet.settings import MeetSettings
@@ -106,7 +107,8 @@ class MeetSetup:
 
     def meet(self, human: Human, side: str) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        settings = MeetSettings(side=side, quality=QUALITY)
+        clear = (ClearOf(self.cell_map.scenery),)
+        settings = MeetSettings(side=side, quality=QUALITY, constraints=clear)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def loop(

@@ -85,7 +85,7 @@ class TargetAudit:
         self.meet.update(with_arm_at_rest(human, side) if self._from_rest else human)
         rated = self.meet.rated([pursued])[0] if pursued is not None else None
         quality = 0.0 if rated is None else rated.quality
-        ranked = self.meet.best(RANKED)
+        ranked = self.meet.best_takeable(RANKED)
         for rank, target in enumerate(ranked):
             if self._reaches(target, obstacles, q):
                 found = target.key, target.quality, rank

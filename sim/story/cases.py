@@ -196,10 +196,14 @@ class StorySetup:
             planner.scene.add("holder", holder_at(self.T_place, self.table))
         return planner
 
+    @property
+    def clear(self) -> ClearOf:
+        """What no arm and no object is in, or reaches through."""
+        return ClearOf(self.cell_map.scenery)
+
     def meet(self, human: Human) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        clear = (ClearOf(self.cell_map.scenery),)
-        settings = MeetSettings(side=self.side, constraints=clear)
+        settings = MeetSettings(side=self.side, constraints=(self.clear,))
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def targets(
@@ -514,7 +518,7 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
-    for target in meet.best(settings.tried):
+    for target in meet.best_takeable(settings.tried):
         there = body.with_arm(setup.side, target.arm_q).capsules()
         for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)

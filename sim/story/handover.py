@@ -151,6 +151,7 @@ class Handover:
         self._begun: float | None = None  # when the step began [s]
         self._farthest = 0.0  # that the hand was from the object, in this state [m]
         self._hindered_s = 0.0  # of this state, slowed or stopped for the person [s]
+        self._kept_off_s = 0.0  # ... or without a free way where a step goes [s]
         self._goals: list[np.ndarray] = []
         self._last: Seen | None = None
         self._expected_at = -np.inf
@@ -434,8 +435,9 @@ class Handover:
         moving = _most(point.dq) > self.conduct.stands
         self._feel(seen, point, moving)
         passed = self._now - self.machine.since
-        if self.executor.state in (SLOWED, BRAKED):
-            self._hindered_s += seen.dt
+        slowed = self.executor.state in (SLOWED, BRAKED)
+        self._hindered_s += seen.dt if slowed else 0.0
+        self._kept_off_s += seen.dt if slowed or self._is_blocked() else 0.0
         away = seen.hand_gap > s.gone
         limits = {table.FETCH: s.fetch_s, table.PUT_DOWN: s.put_down_s}
         limit = limits.get(self.state, s.wait_s)
@@ -453,6 +455,7 @@ class Handover:
             ),
             "open": frame.opened,
             "hindered": passed > limit and 2.0 * self._hindered_s > passed,
+            "kept_off": passed > limit and 2.0 * self._kept_off_s > passed,
             "under_way": passed > limit and self._is_under_way(),
             "taken_up": passed > limit and self._is_taken_up(seen),
             "ungripped": passed > limit and hand.fingers == OPEN,
@@ -621,7 +624,7 @@ class Handover:
             self.sight.expect(side)
             self.targets.expect(side)
         self._berth.begin()
-        self._hindered_s = 0.0
+        self._hindered_s = self._kept_off_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
         steps: list[Step] = []

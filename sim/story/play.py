@@ -415,15 +415,15 @@ def play(
 
 def _partner(setup: StorySetup, case: StoryCase, known: object) -> Partner:
     """Return the scripted person; a giver holds out where it is in reach, if it is."""
-    body = case.body()
+    body, how = case.body(), {"clear": setup.clear}
+    args = body, setup.side, setup.obj, case.traits
     if case.direction == "give":
-        return Partner(body, setup.side, setup.obj, case.traits)
-    best = [known.target] if known else setup.meet(body).best(1)
+        return Partner(*args, **how)
+    best = [known.target] if known else setup.meet(body).best_takeable(1)
     if not best:
-        return Partner(body, setup.side, setup.obj, case.traits, gives=True)
+        return Partner(*args, gives=True, **how)
     grasp = setup.obj.hand_grasps[best[0].grasp]
-    args = (setup.obj, case.traits, True, best[0].arm_q, grasp)
-    return Partner(body, setup.side, *args)
+    return Partner(*args, True, best[0].arm_q, grasp, **how)
 
 
 def rehearse(setup: StorySetup) -> None:

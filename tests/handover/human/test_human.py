@@ -7,7 +7,7 @@ from small import AWAY, HOME
 import handover
 from handover import POSTURES, Human, Part, Skeleton
 from handover.human.anthropometry import ARM_RANGES, HEIGHTS, RADII
-from handover.human.body import COLUMN, BodySizes
+from handover.human.body import ARM_LABELS, COLUMN, BodySizes
 from odm import sample_capsules
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
@@ -280,3 +280,16 @@ def test_the_joints_are_where_the_arms_and_the_trunk_have_them(posture, rng):
     np.testing.assert_allclose(human.places[COLUMN["head"]], head)
     hip = TURNED[:3, 3] + TURNED[:3, :3] @ human.skeleton.hip
     np.testing.assert_allclose(human.places[COLUMN["hip"]], hip)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_capsules_of_an_arm_that_is_bent_otherwise_are_those_of_the_whole_person(side):
+    human = Human(1.62, "bending").placed(0.3, -0.2, 0.7)
+    arm, rng = human.arm(side), np.random.default_rng(3)
+    joints = rng.uniform(arm.lower, arm.upper, (4, 7))
+    rods = human.arm_capsules(side, joints)
+    for q, rows in zip(joints, rods, strict=True):
+        bent = human.with_arm(side, q)
+        whole = bent.capsules()[np.isin(bent.labels, ARM_LABELS[side])]
+        assert np.array_equal(rows, whole)
+    assert human.arm_capsules(side, joints[:0]).shape == (0, 3, 7)

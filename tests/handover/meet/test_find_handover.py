@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meet_people import person, workspace
+from meet_people import BOARD, person, workspace
 
 import odm
 from handover import ReachSettings, build_reach_map, chain_of
+from handover.meet.constraints import ClearOf
 from handover.meet.find import find_handover
 from handover.meet.settings import FindSettings
 from handover.meet.validity import PlannerValidity
 from odm.audit.exact import ExactRobot
+from odm.obstacles.scenery import parse_scenery
 from odm.obstacles.shapes import Capsule
 from roadmap import load_robot
 from roadmap.errors import BadInput
@@ -56,6 +58,19 @@ def test_what_is_not_valid_is_removed_and_told_until_restored(meet, robot):
     assert meet.rated([best.key]) == [None]
     meet.restore()
     assert meet.rated([best.key])[0].quality == best.quality
+
+
+def test_no_arm_reaches_through_a_board(robot_map, robot):
+    clear = (ClearOf(parse_scenery((BOARD,))),)
+    meet = workspace(robot_map, person(0.8), constraints=clear)
+    through = {t.key for t in meet.best(300)} - {
+        t.key for t in meet.takeable(meet.best(300))
+    }
+    found = find_handover(meet, robot, lambda q: True, LONG)
+    why = {target.key: reason for target, reason in found.tried}
+    assert found and found.target.key not in through and through & why.keys()
+    for key in through & why.keys():
+        assert "would be in what stands still" in why[key]
 
 
 def test_each_rejected_one_says_what_it_fell_for(meet, robot):

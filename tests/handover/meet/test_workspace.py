@@ -22,12 +22,14 @@ from handover import (
     mallet,
     wrench,
 )
+from handover.human.body import ARM_LABELS
 from handover.meet import _meet_bounds as bounds
 from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.meet.constraints import ClearOf
 from handover.reach.robot_cells import robot_cells
 from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import moved_rods
 from roadmap.jit_options import FULL
 from roadmap.transforms import pose_of
 
@@ -359,29 +361,80 @@ def test_constraints_are_those_of_the_object(meet_of, rng):
         assert np.array_equal(meet.build(), free.build()[kept])
 
 
-@pytest.mark.parametrize("kind", ["plane", "box"])
+STANDS = {
+    "plane": {"type": "plane", "normal": [0.0, 0.6, 0.8], "offset": 0.1},
+    "box": {"type": "box", "size": [0.5, 0.9, 0.6], "position": [0.4, 0.1, 0.2],
+            "rpy": [0.3, 0.2, 0.1]},
+    "board": {"type": "box", "size": [0.02, 0.9, 0.6], "position": [0.4, 0.1, 0.2],
+              "rpy": [0.3, 0.2, 0.1]},
+}  # fmt: skip
+
+
+def off_of(table, p):
+    """Return how far points (..., 3) are from a plane or a box of a recipe [m]."""
+    if table["type"] == "plane":
+        return p @ table["normal"] - table["offset"]
+    turn = pose_of((0, 0, 0), table["rpy"])[:3, :3]
+    out = np.abs((p - table["position"]) @ turn) - 0.5 * np.array(table["size"])
+    return np.linalg.norm(np.maximum(out, 0.0), axis=-1)
+
+
+def gaps_along(table, a, b, radius, n=200):
+    """Return how far rods from a to b (..., 3) are from it, by places on their axis.
+
+    Between two places the axis is nearer by half of their distance at most.
+    """
+    places = (a + s * (b - a) for s in np.linspace(0.0, 1.0, n))
+    off = np.min([off_of(table, p) for p in places], axis=0) - radius
+    return off, 0.5 * np.linalg.norm(b - a, axis=-1) / (n - 1)
+
+
+@pytest.mark.parametrize("kind", STANDS)
 def test_what_stands_still_is_no_place_to_hand_over_in(meet_of, rng, kind):
-    tables = {
-        "plane": {"type": "plane", "normal": [0.0, 0.6, 0.8], "offset": 0.1},
-        "box": {"type": "box", "size": [0.5, 0.9, 0.6], "position": [0.4, 0.1, 0.2],
-                "rpy": [0.3, 0.2, 0.1]},
-    }  # fmt: skip
-    scenery = parse_scenery((tables[kind],))
+    scenery = parse_scenery((STANDS[kind],))
     human = somebody(rng, 0.7)
     free, meet = meet_of(human), meet_of(human, constraints=[ClearOf(scenery, BASE)])
     T, rods = free.grid.centers(free.keys) @ free.obj.T_tool_object, free.obj.capsules
-    kept = np.ones(len(T), bool)
-    for end in (rods[:, :3], rods[:, 3:6]):
-        p = (T[:, None, :3, :3] @ end[..., None])[..., 0] + T[:, None, :3, 3]
-        if kind == "plane":
-            off = p @ [0.0, 0.6, 0.8] - 0.1
-        else:
-            local = (p - [0.4, 0.1, 0.2]) @ pose_of((0, 0, 0), (0.3, 0.2, 0.1))[:3, :3]
-            out = np.abs(local) - [0.25, 0.45, 0.3]
-            off = np.linalg.norm(np.maximum(out, 0.0), axis=-1)
-        kept &= (off > rods[:, 6]).all(axis=1)
-    assert 0 < kept.sum() < len(kept)
-    assert np.array_equal(meet.keys, free.keys[kept])
+    clear, sure, ends_clear = (np.ones(len(T), bool) for _ in range(3))
+    for rod in rods:
+        a, b = ((T[:, :3, :3] @ end) + T[:, :3, 3] for end in (rod[:3], rod[3:6]))
+        gap, off = gaps_along(STANDS[kind], a, b, rod[6])
+        clear &= gap > 0.0
+        sure &= (gap <= 0.0) | (gap > off)
+        for end in (a, b):
+            ends_clear &= off_of(STANDS[kind], end) > rod[6]
+    assert 0 < clear.sum() < len(clear) and sure.mean() > 0.99
+    kept = np.isin(free.keys, meet.keys)
+    assert np.array_equal(kept[sure], clear[sure])
+    through = ends_clear & ~clear & sure  # with an end on either side
+    assert kind != "board" or through.sum() > 0.1 * (~clear).sum()
+
+
+@pytest.mark.parametrize("kind", STANDS)
+def test_nobody_takes_an_object_with_an_arm_in_what_stands_still(meet_of, rng, kind):
+    human, table = person(0.8), STANDS[kind]
+    meet = meet_of(human, constraints=[ClearOf(parse_scenery((table,)), BASE)])
+    ranked = meet.best(300)
+    kept = meet.takeable(ranked)
+    assert [t.key for t in kept] == [t.key for t in ranked if t in kept]
+    if kind == "plane":  # who stands beside a table has its half-space about them
+        assert kept == ranked
+        assert [t.key for t in meet.best_takeable(5)] == [t.key for t in ranked[:5]]
+        return
+    checked = 0
+    for target in ranked:
+        bent = human.with_arm("right", target.arm_q)
+        rows = bent.capsules()[np.isin(bent.labels, ARM_LABELS["right"][:2])]
+        rows = moved_rods(rows, np.linalg.inv(BASE))
+        gap, off = gaps_along(table, rows[:, :3], rows[:, 3:6], 0.0)  # their axes
+        if (gap <= 0.0).any() or (gap > off).all():
+            assert (target in kept) == (gap > 0.0).all()
+            checked += 1
+    assert 0 < len(kept) < len(ranked) and checked > 0.9 * len(ranked)
+    assert meet_of(human).takeable(ranked) == ranked  # nothing stands about
+    few = meet.best_takeable(5)  # among as many as it takes to find them
+    assert [t.key for t in few] == [t.key for t in kept[:5]]
+    assert len(meet.best_takeable(100_000)) < len(meet.best(100_000))
 
 
 def test_the_cells_of_a_map_are_found_once_while_it_is_in_memory(robot_map):

@@ -6,6 +6,7 @@ from meet_people import person, workspace
 from small import small_recipe
 
 import odm
+from handover.meet.constraints import ClearOf
 from handover.targets.live_targets import (
     BLOCKED,
     NOBODY,
@@ -16,6 +17,7 @@ from handover.targets.live_targets import (
 )
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
+from odm.obstacles.scenery import parse_scenery
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 
@@ -71,6 +73,28 @@ def test_the_robot_gets_to_the_target_it_pursues(cell_map, robot_map, index):
     off = tool_pose(cell_map.robot, q)[:3, 3] - target.T_world_tool[:3, 3]
     assert np.linalg.norm(off) < 1e-3
     assert last.quality == pytest.approx(target.quality)
+
+
+@pytest.mark.parametrize("rank_budget", [0, 200])
+def test_no_target_is_pursued_that_an_arm_would_reach_through_a_board(
+    cell_map, robot_map, index, rank_budget
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
+    _, before = run(live, start(cell_map), [human] * 90)
+    through = live.meet.rated([before[-1].key])[0]
+    forearm = human.arm_capsules("right", through.arm_q[None])[0, 1]
+    board = {"type": "box", "size": [0.02, 0.02, 0.02]}
+    board["position"] = (0.5 * (forearm[:3] + forearm[3:6])).tolist()
+    clear = (ClearOf(parse_scenery((board,))),)
+
+    live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
+    live.meet = live.finder.meet = workspace(robot_map, human, constraints=clear)
+    _, pursuits = run(live, start(cell_map), [human] * 120)
+    keys = {p.key for p in pursuits} - {None}
+    assert keys and through.key not in keys
+    for target in live.meet.rated(sorted(keys)):
+        assert live.meet.takeable([target]) == [target]
 
 
 def test_it_is_there_for_the_other_hand_once_that_was_ranked(

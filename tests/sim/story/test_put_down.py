@@ -376,26 +376,31 @@ def test_places_are_poses_its_own_first(setup):
         checked_places(np.zeros(3))
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_who_stands_where_the_object_is_to_be_fetched_is_told(setup, there):
+@pytest.mark.parametrize("why", ["occupied", "kept_off", "late"])
+def test_what_kept_it_from_fetching_the_object_is_told(setup, why):
     human = handover.Human().placed(3.0, 0.0, np.pi)
-    if there:
+    if why == "occupied":
         T = human.T_world_pelvis.copy()
         T[:3, 3] = setup.T_place[:3, 3]
         human = human.moved(T)
     settings = sim.StorySettings(fetch_s=0.3)
     story = new_story(setup, settings, human, fetch=True)
     assert story.state == "fetch"
-    if not there:  # it is kept from it by something else
+    if why == "late":  # it is kept from it by something else
         story.executor.advance = lambda: None
+    if why == "kept_off":  # somebody stands where its hand would be
+        nowhere = dict(path=np.zeros((0, 0)), reason="blocked", goal=None, retreat=None)
+        held = SimpleNamespace(status="holding", **nowhere)
+        story.planner.step = lambda *_, **__: held
     for k in range(45):
         at = dict(T_base_object=setup.T_place)
         story.update(sim.StoryFrame(k / 100, human, np.zeros(6), True, False, **at))
         if story.events:
             break
     event = story.events[0]
-    assert event.signal == ("occupied" if there else "late") and event.failure
-    assert ("somebody stood" in event.reason) == there
+    assert event.signal == why and event.failure
+    assert ("somebody stood" in event.reason) == (why == "occupied")
+    assert ("no way to the object was free" in event.reason) == (why == "kept_off")
 
 
 def test_an_older_recording_knew_of_one_place_and_was_as_patient_as_for_a_fetch(setup):
