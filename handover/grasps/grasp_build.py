@@ -122,11 +122,12 @@ def build_grasps(
         return _above(work, points[k], normals[k])
 
     found: list[tuple[list[_Grasp], Counter]] = []
+    stage = f"closing hands ({hand.spec.name})"  # a plan may need those of several
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         try:
             for grasps in pool.map(one, range(len(points))):
                 found.append(grasps)
-                tell("closing hands", len(found), len(points))
+                tell(stage, len(found), len(points))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise

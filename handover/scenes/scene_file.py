@@ -12,7 +12,7 @@ from handover.grasps.hands import HandSpec
 from handover.grasps.objects import GraspObject, load_object
 from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.scenery import shapes_of_tables
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, did_you_mean
 from roadmap.ranges import check_rpy, is_between
 from roadmap.robot.description import read_description
 from roadmap.robot.known import robot_file
@@ -133,10 +133,11 @@ def _own(table: dict, what: str, path: Path) -> Agent:
             if key not in entry:
                 raise BadInput(f"{path}: {named} has no {key}; name it")
         hand = entry["hand"]
-        if isinstance(hand, dict):
+        own = isinstance(hand, dict)
+        if own:
             hand = _hand(hand, str(urdf), named, path)
         arms[side] = AgentArm(side, str(urdf), hand, str(entry["tip"]))
-        _check_hand(arms[side], named, path)
+        _check_hand(arms[side], own, named, path)
     if not arms:
         raise BadInput(
             f"{path}: {what} has a urdf and no arm; give [{what.strip('[]')}.arms."
@@ -145,16 +146,19 @@ def _own(table: dict, what: str, path: Path) -> Agent:
     return Agent(urdf.stem, arms, {"fixed": Posture()})
 
 
-def _check_hand(arm: AgentArm, whose: str, path: Path) -> None:
-    """Refuse a hand of whose joints the URDF has none."""
+def _check_hand(arm: AgentArm, own: bool, whose: str, path: Path) -> None:
+    """Refuse a hand, the user's own or a known one, of whose joints one is missing."""
     spec, file = arm.spec, robot_file(arm.robot)
     joints = read_description(file).joints
     missing = [n for finger in spec.fingers for n in finger if n not in joints]
     if missing:
+        give = "give the hand of the URDF as a table, see docs/plans.md"
+        if own:
+            meant = did_you_mean(missing[0], joints)
+            give = f"{meant} joints of it: {', '.join(joints)}"
         raise BadInput(
             f"{path}: {whose} has the hand {spec.name!r}, but {file.name} has no joint "
-            f"{missing[0]!r}, which moves that hand; give the hand of the URDF as a "
-            "table, see docs/plans.md"
+            f"{missing[0]!r}, which moves that hand; {give}"
         )
 
 
@@ -165,6 +169,8 @@ def _hand(table: dict, urdf: str, whose: str, path: Path) -> HandSpec:
             raise BadInput(f"{path}: the hand of {whose} has no {key}; add it")
     at = {key: table.get(f"palm_{key}", (0.0, 0.0, 0.0)) for key in ("position", "rpy")}
     what = f"the hand of {whose}"
+    _lists(table["fingers"], list, f"fingers of {what}", '[["joint"]]', path)
+    _lists(table["preshapes"], dict, f"preshapes of {what}", "[{joint = 0.1}]", path)
     return HandSpec(
         str(table.get("name", f"{Path(urdf).stem}_hand")),
         urdf,
@@ -175,6 +181,12 @@ def _hand(table: dict, urdf: str, whose: str, path: Path) -> HandSpec:
         tuple(_numbers(s, f"preshapes of {what}", path) for s in table["preshapes"]),
         _pose(at, f"the palm of {whose}", path),
     )
+
+
+def _lists(given: object, of: type, what: str, such_as: str, path: Path) -> None:
+    """Refuse what is no list of lists, or of tables."""
+    if not isinstance(given, list) or not all(isinstance(one, of) for one in given):
+        raise BadInput(f"{path}: {what} is {given!r}; give a list such as {such_as}")
 
 
 def _numbers(table: object, what: str, path: Path) -> dict[str, float]:

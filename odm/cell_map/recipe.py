@@ -145,6 +145,11 @@ def load_recipe(source: str | Path) -> Recipe:
         folder = Path(str(resources.files("maps")))
         entry = folder / f"{source}.toml"
         if not entry.is_file():
+            if path.suffix.lower() == ".urdf":
+                raise BadRecipe(
+                    f"{path} is a robot and no recipe; give it as source of the "
+                    "[robot] of a recipe"
+                )
             known = ", ".join(recipe_names())
             raise BadRecipe(
                 f"recipe {str(source)!r} is unknown; choose one of {known}, or give "

@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = Path(__file__).with_name("compile_costs.json")
-TRUSTED_S = 5.0  # of the table's seconds: after so many the pace seen here counts
+TRUSTED_S = 10.0  # of the table's seconds: from so many on the pace seen here counts
 WORTH_TELLING_S = 2.0
 
 
@@ -69,13 +69,15 @@ class Compiling:
         """
         missing = self.missing()
         left_s, now = sum(missing.values()), time.monotonic()
-        if self._begun is None or left_s > self._first_s:
-            self._begun, self._first_s = now, left_s  # a stale one was just dropped
+        if self._begun is None or left_s >= self._first_s:
+            # nothing was compiled yet, or a stale one was just dropped
+            self._begun, self._first_s = now, left_s
         if self._first_s < WORTH_TELLING_S or not missing:
             return None
         done_s, pace = self._first_s - left_s, 1.0
-        if done_s > TRUSTED_S:
-            pace = (now - self._begun) / done_s
+        if done_s > 0.0:  # the first loops tell little of a machine's pace
+            seen, trust = (now - self._begun) / done_s, min(1.0, done_s / TRUSTED_S)
+            pace += trust * (seen - pace)
         return len(self.wanted) - len(missing), len(self.wanted), pace * left_s
 
 

@@ -23,6 +23,10 @@ _REMEDIES = (  # of Python, and of the command line
     (r"; change it in \w+Settings$", "; choose another value, see --help"),
     (r"in PlannerSettings\(finger_pads=\.\.\.\)$", "with --pads LINK"),
     (r"check its pose T_base_camera$", "check --eye, or --pose"),
+    (
+        r"give it as source of the \[robot\] of a recipe$",
+        "give it with --robot, and the link of its tool with --tip",
+    ),
 )
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PLACES = {  # what to do about a file, by what the system says

@@ -147,9 +147,13 @@ class Bars:
         return self
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show how far a stage is; what every `progress=` argument wants."""
+        """Show how far a stage is; what every `progress=` argument wants.
+
+        A stage of which less is done than before has begun again.
+        """
         self._since = time.monotonic()
-        if stage != self._stage[0]:
+        again = stage == self._stage[0] and done < self._stage[1]
+        if again or stage != self._stage[0]:
             self._begun = self._since
         self._stage = stage, done, total
         if self._bars is None:
@@ -159,6 +163,8 @@ class Bars:
             self._first = None
         if stage not in self._tasks:
             self._tasks[stage] = self._bars.add_task(stage, total=total)
+        elif again:
+            self._bars.reset(self._tasks[stage])
         self._bars.update(self._tasks[stage], completed=done, total=total)
 
     def compile(self, found: tuple[int, int, float] | None) -> None:

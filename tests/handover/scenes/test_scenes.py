@@ -281,6 +281,31 @@ def test_a_joint_of_a_similar_name_is_meant(tmp_path):
         handover.load_scene(written(tmp_path, text))
 
 
+OWN_HAND = """urdf = "ARM"
+[giver.arms.right]
+tip = "tool"
+hand = {root = "hand", palm = "tool", fingers = [["grip"]], closed = {}, preshapes = []}
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ('[["grip"]]', '[["gripp"]]', "no joint 'gripp'.*did you mean 'grip'. Give"),
+        ('[["grip"]]', '[["x"]]', "no joint 'x'.*give joints of it: turn, bend"),
+        ('[["grip"]]', '["grip"]', r"fingers of .*'grip'\]; give a list such as"),
+        ('[["grip"]]', "3", "fingers of the hand of the right arm of .giver. is 3"),
+        ("preshapes = []", "preshapes = 3", "preshapes of .* is 3; give a list such"),
+    ],
+)
+def test_slips_in_a_hand_of_ones_own_are_told(tmp_path, before, after, told):
+    arm = Path(__file__).resolve().parents[2] / "data" / "arm3.urdf"
+    own = OWN_HAND.replace("ARM", str(arm)).replace(before, after)
+    text = TEA.replace('agent = "crichton"', own)
+    with pytest.raises(BadInput, match=told):
+        handover.load_scene(written(tmp_path, text))
+
+
 def test_a_hand_that_the_urdf_lacks_is_told_by_its_name(tmp_path):
     arm = Path(__file__).resolve().parents[2] / "data" / "arm3.urdf"
     own = f'urdf = "{arm}"\n[giver.arms.right]\ntip = "tool"\nhand = "panda"'

@@ -46,6 +46,11 @@ def test_a_mistake_is_told_when_the_recipe_is_read(tmp_path, text, words):
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
+def test_a_robot_is_told_from_a_recipe():
+    with pytest.raises(BadRecipe, match="my.urdf is a robot and no recipe; give it"):
+        load_recipe("my.urdf")
+
+
 def test_a_recipe_with_the_mark_of_its_encoding_is_read(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text('[robot]\nsource = "arm.urdf"\n', encoding="utf-8-sig")

@@ -59,6 +59,10 @@ def test_a_standard_output_without_room_is_one_sentence(capfd):
         ("a is 1; change it in LoopSettings", "a is 1; choose another value, see"),
         ("; name them in PlannerSettings(finger_pads=...)", "name them with --pads"),
         ("; check its pose T_base_camera", "; check --eye, or --pose"),
+        (
+            "x.urdf is a robot; give it as source of the [robot] of a recipe",
+            "x.urdf is a robot; give it with --robot, and",
+        ),
         ("nodes is 1; change it in the recipe", "; change it in the recipe"),
     ],
 )

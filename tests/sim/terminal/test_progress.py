@@ -175,6 +175,44 @@ def test_what_is_left_never_grows_while_nothing_is_told(monkeypatch):
         assert tell.line() == line
 
 
+def test_a_stage_that_begins_again_is_timed_anew(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    tell = Bars()
+    for now[0], done in ((0.0, 0), (90.0, 90), (91.0, 1), (100.0, 10)):
+        tell("hands", done, 90)
+    assert tell.line() == "hands: 10 of 90, about 72 s left"
+
+
+def test_a_bar_of_a_stage_that_begins_again_is_reset(monkeypatch):
+    monkeypatch.setattr(progress, "_is_terminal", lambda: True)
+    with Bars() as tell:
+        tell("hands", 90, 90)
+        tell("hands", 1, 90)
+        assert not tell._bars.tasks[0].finished
+
+
+def test_the_pace_seen_here_counts_little_at_first(packages, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(compiling.time, "monotonic", lambda: now[0])
+    rows = json.loads(compiling.TABLE.read_text())
+    rows["odm.search._step.one"], rows["odm.search._step.three"] = (
+        [5.0, "run"],
+        [70.0, "run"],
+    )
+    compiling.TABLE.write_text(json.dumps(rows))
+    compiling.table.cache_clear()
+    run = Compiling("run", packages)
+    for now[0] in (0.0, 40.0):  # what goes by before the first loop is no pace
+        assert run.progress() == (0, 3, 85.0)
+    compiled(packages, "one")
+    now[0] = 65.0  # five times as long as the table says
+    assert run.progress()[2] == pytest.approx(80.0 * 3.0)
+    compiled(packages, "two")
+    now[0] = 115.0
+    assert run.progress()[2] == pytest.approx(70.0 * 5.0)
+
+
 def test_a_bar_says_what_passed_and_what_is_left(monkeypatch, capsys):
     monkeypatch.setattr(progress, "_is_terminal", lambda: True)
     monkeypatch.setenv("COLUMNS", "100")
