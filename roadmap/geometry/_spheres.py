@@ -8,23 +8,40 @@ from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 
 @njit(**LEAN)
-def coverage(centers, radii, samples, rows):
+def coverage(centers, radii, samples, around, rows):
     """Set bit s of rows[m] where sphere m holds sample s.
 
-    samples: (3, n), one coordinate a row; rows: (m, words) uint64.
+    samples: (3, n), one coordinate a row; rows: (m, words) uint64. around: (words, 4)
+    scratch, a ball around the samples of each word.
     """
-    n = samples.shape[1]
+    for w in range(rows.shape[1]):
+        _ball_around(samples[:, 64 * w : 64 * (w + 1)], around[w])
     for m in range(centers.shape[0]):
-        a, b, c = centers[m, 0], centers[m, 1], centers[m, 2]
-        rr = radii[m] * radii[m]
+        a, b, c, r = centers[m, 0], centers[m, 1], centers[m, 2], radii[m]
         for w in range(rows.shape[1]):
             word, first = np.uint64(0), 64 * w
-            for s in range(min(64, n - first)):
+            x, y, z = around[w, 0] - a, around[w, 1] - b, around[w, 2] - c
+            far = r + around[w, 3]
+            apart = x * x + y * y + z * z > far * far
+            for s in range(0 if apart else min(64, samples.shape[1] - first)):
                 x = samples[0, first + s] - a
                 y = samples[1, first + s] - b
                 z = samples[2, first + s] - c
-                word |= np.uint64(x * x + y * y + z * z <= rr) << np.uint64(s)
+                word |= np.uint64(x * x + y * y + z * z <= r * r) << np.uint64(s)
             rows[m, w] = word
+
+
+@njit(**INNER)
+def _ball_around(points, ball):
+    """Write a ball around points (3, n), a little larger than it must be."""
+    ball[3] = 0.0
+    for k in range(3):
+        low, high = points[k, 0], points[k, 0]
+        for s in range(points.shape[1]):
+            low, high = min(low, points[k, s]), max(high, points[k, s])
+        ball[k] = 0.5 * (low + high)
+        ball[3] += (high - low) * (high - low)
+    ball[3] = 0.5 * ball[3] ** 0.5 + 1e-9
 
 
 @njit(**INNER)
@@ -52,10 +69,10 @@ def _complete(rows, held, words, missing, chosen, n, limit, scratch):
     """Add greedily the rows that hold most of `missing` to chosen; return the count.
 
     Stops with `limit` + 1 where more than `limit` would be needed. The rows together
-    hold all of `missing`. held, words: (m,) `_words` of each row. scratch: (3, m + 1)
-    int64. A row never gains more than when it was last asked, nor later ones more.
+    hold all of `missing`. held, words: (m,) `_words` of each row. scratch: (4, m + 1)
+    int64. A row never gains more than `most`, what it may have when last asked.
     """
-    useful, most, some = scratch[0], scratch[1], scratch[2]
+    useful, most, some, rest = scratch[0], scratch[1], scratch[2], scratch[3]
     n_useful, (left, where) = 0, _words(missing)
     for m in range(rows.shape[0]):
         useful[n_useful], most[n_useful] = m, held[m]
@@ -63,18 +80,22 @@ def _complete(rows, held, words, missing, chosen, n, limit, scratch):
     while left > 0:
         if n >= limit:
             return limit + 1
-        n_some = 0
+        n_some, later = 0, left
         for w in range(missing.shape[0]):
-            some[n_some] = w
+            later -= _bits(missing[w])
+            some[n_some], rest[n_some] = w, later
             n_some += missing[w] != 0
         # with no row that gains its share they would be more than `limit`
         best, best_gain, kept = -1, (left - 1) // (limit - n), 0
         for k in range(n_useful):
             m, gain = useful[k], most[k]
             if gain > best_gain:
-                gain = 0
+                sure, gain = 0, left
                 for i in range(n_some):
-                    gain += _bits(rows[m, some[i]] & missing[some[i]])
+                    sure += _bits(rows[m, some[i]] & missing[some[i]])
+                    gain = sure + rest[i]
+                    if gain <= best_gain:
+                        break
                 if gain > best_gain:
                     best, best_gain = m, gain
             # a row that holds nothing missing will not help later either
@@ -106,7 +127,7 @@ def choose(rows, chosen, n, few, centers, rounds, seed):
         for w in range(everything.shape[0]):
             everything[w] |= rows[m, w]
     trial, missing = np.empty_like(chosen), np.empty_like(everything)
-    scratch = np.empty((3, max(rows.shape) + 1), np.int64)
+    scratch = np.empty((4, max(rows.shape) + 1), np.int64)
     _without(rows, everything, chosen, n, missing)
     n = _complete(rows, held, words, missing, chosen, n, chosen.shape[0] - 1, scratch)
     state = np.uint64(seed)

@@ -235,7 +235,8 @@ def _rows(pool: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Return which sphere covers which sample, as bits (n_pool, words) uint64."""
     rows = np.empty((len(pool), (len(samples) + 63) // 64), np.uint64)
     centers, radii = np.array(pool[:, :3], order="C"), np.array(pool[:, 3])
-    kernels.coverage(centers, radii, np.ascontiguousarray(samples.T), rows)
+    points, around = np.ascontiguousarray(samples.T), np.empty((rows.shape[1], 4))
+    kernels.coverage(centers, radii, points, around, rows)
     return rows
 
 
