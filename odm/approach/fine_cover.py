@@ -14,7 +14,8 @@ import numpy as np
 from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
-from roadmap.geometry.spheres import cover_excess, cover_solids, robot_solids
+from roadmap.geometry.kept_covers import kept_cover
+from roadmap.geometry.spheres import cover_excess, robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.joint_tree import PARENT
 from roadmap.loading.held_link import hanging_on, with_payload
@@ -28,7 +29,7 @@ _kept: dict[str, tuple[Robot, dict[str, float]]] = {}  # by the bare robot
 def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
     """Return the robot with tighter spheres on its outermost links, and their excess.
 
-    Takes about a second per link, once per robot and process. The same robot gives the
+    Takes about a second per link, once on a machine. The same robot gives the
     same spheres.
     """
     key = robot.fingerprint()
@@ -43,7 +44,7 @@ def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
     links = [k for k, b in enumerate(robot.link_body) if b in outer_bodies(robot)]
     solids = robot_solids(robot)
     parts = {k: [s for s in solids if s.link == k] for k in links}
-    covers = {k: cover_solids(parts[k], EXCESS) for k in links if parts[k]}
+    covers = {k: kept_cover(parts[k], EXCESS, False) for k in links if parts[k]}
     excess = {robot.link_names[k]: cover_excess(c, parts[k]) for k, c in covers.items()}
     stays = ~np.isin(robot.sphere_link, list(covers))
     spheres = np.concatenate([robot.spheres[stays], *covers.values()])

@@ -17,9 +17,9 @@ from odm.obstacles.scenery import Scenery
 from roadmap.arrays import freeze
 from roadmap.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
+from roadmap.geometry.kept_covers import kept_cover
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid, hull_corners
-from roadmap.geometry.spheres import cover_solids
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import polytope_around, with_payload
@@ -131,7 +131,7 @@ def envelope_spheres(recipe: Recipe) -> np.ndarray:
     solid = envelope_solid(recipe.payload)
     if solid.kind == SPHERE:
         return np.array([[*recipe.payload.position, recipe.payload.radius]])
-    return cover_solids([solid], recipe.robot.cover_excess)
+    return kept_cover([solid], recipe.robot.cover_excess, closely=False)
 
 
 def only_link(robot: Robot, link: int) -> Robot:
@@ -175,7 +175,7 @@ def carried_object(thing: object) -> CarriedObject:
     """Make ready what `ReactivePlanner.attach` takes; once per object.
 
     Spheres take no time. Of a box, cylinder, capsule or mesh (its convex hull counts)
-    the cover is computed, which takes up to seconds.
+    the cover is computed, which takes up to seconds once on a machine.
 
     Args:
         thing: (n, 4) spheres, centre and radius [m]; or a shape of `odm`.
@@ -196,7 +196,8 @@ def carried_object(thing: object) -> CarriedObject:
                 f"the object is {_sides(sides)} m large, which no hand holds; give all "
                 "its lengths in metres, not in millimetres"
             )
-        return CarriedObject(cover_solids([solid], _EXCESS), points, False)
+        cover = kept_cover([solid], _EXCESS, closely=False)
+        return CarriedObject(cover, points, False)
     return _of_spheres(_checked(thing))
 
 

@@ -8,19 +8,40 @@ from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 
 @njit(**LEAN)
-def coverage(centers, radii, samples, rows):
-    """Set bit s of rows[m] where sphere m holds sample s; rows (m, words) uint64."""
-    one = np.uint64(1)
+def coverage(centers, radii, samples, around, rows):
+    """Set bit s of rows[m] where sphere m holds sample s.
+
+    samples: (3, n), one coordinate a row; rows: (m, words) uint64. around: (words, 4)
+    scratch, a ball around the samples of each word.
+    """
+    for w in range(rows.shape[1]):
+        _ball_around(samples[:, 64 * w : 64 * (w + 1)], around[w])
     for m in range(centers.shape[0]):
+        a, b, c, r = centers[m, 0], centers[m, 1], centers[m, 2], radii[m]
         for w in range(rows.shape[1]):
-            rows[m, w] = np.uint64(0)
-        rr = radii[m] * radii[m]
-        for s in range(samples.shape[0]):
-            x = samples[s, 0] - centers[m, 0]
-            y = samples[s, 1] - centers[m, 1]
-            z = samples[s, 2] - centers[m, 2]
-            if x * x + y * y + z * z <= rr:
-                rows[m, s >> 6] |= one << np.uint64(s & 63)
+            word, first = np.uint64(0), 64 * w
+            x, y, z = around[w, 0] - a, around[w, 1] - b, around[w, 2] - c
+            far = r + around[w, 3]
+            apart = x * x + y * y + z * z > far * far
+            for s in range(0 if apart else min(64, samples.shape[1] - first)):
+                x = samples[0, first + s] - a
+                y = samples[1, first + s] - b
+                z = samples[2, first + s] - c
+                word |= np.uint64(x * x + y * y + z * z <= r * r) << np.uint64(s)
+            rows[m, w] = word
+
+
+@njit(**INNER)
+def _ball_around(points, ball):
+    """Write a ball around points (3, n), a little larger than it must be."""
+    ball[3] = 0.0
+    for k in range(3):
+        low, high = points[k, 0], points[k, 0]
+        for s in range(points.shape[1]):
+            low, high = min(low, points[k, s]), max(high, points[k, s])
+        ball[k] = 0.5 * (low + high)
+        ball[3] += (high - low) * (high - low)
+    ball[3] = 0.5 * ball[3] ** 0.5 + 1e-9
 
 
 @njit(**INNER)
@@ -33,54 +54,84 @@ def _bits(v):
     return np.int64((v * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(**LEAN)
-def complete(rows, missing, chosen, n, limit, useful):
+@njit(**INNER)
+def _words(row):
+    """Return how many bits a row has, and in which words, as bits; 63: or any later."""
+    n, found = 0, np.uint64(0)
+    for w in range(row.shape[0]):
+        n += _bits(row[w])
+        found |= np.uint64(row[w] != 0) << np.uint64(min(w, 63))
+    return n, found
+
+
+@njit(**INNER)
+def _complete(rows, held, words, missing, chosen, n, limit, scratch):
     """Add greedily the rows that hold most of `missing` to chosen; return the count.
 
-    Stops with `limit` + 1 where more than `limit` would be needed, or with what is
-    there when nothing helps any more. useful: (m,) int64 scratch.
+    Stops with `limit` + 1 where more than `limit` would be needed. The rows together
+    hold all of `missing`. held, words: (m,) `_words` of each row. scratch: (4, m + 1)
+    int64. A row never gains more than `most`, what it may have when last asked.
     """
-    n_useful = rows.shape[0]
-    for m in range(n_useful):
-        useful[m] = m
-    while True:
-        best, best_gain, kept = -1, 0, 0
+    useful, most, some, rest = scratch[0], scratch[1], scratch[2], scratch[3]
+    n_useful, (left, where) = 0, _words(missing)
+    for m in range(rows.shape[0]):
+        useful[n_useful], most[n_useful] = m, held[m]
+        n_useful += words[m] & where != 0
+    while left > 0:
+        if n >= limit:
+            return limit + 1
+        n_some, later = 0, left
+        for w in range(missing.shape[0]):
+            later -= _bits(missing[w])
+            some[n_some], rest[n_some] = w, later
+            n_some += missing[w] != 0
+        # with no row that gains its share they would be more than `limit`
+        best, best_gain, kept = -1, (left - 1) // (limit - n), 0
         for k in range(n_useful):
-            m = useful[k]
-            gain = 0
-            for w in range(missing.shape[0]):
-                if missing[w]:
-                    gain += _bits(rows[m, w] & missing[w])
+            m, gain = useful[k], most[k]
             if gain > best_gain:
-                best, best_gain = m, gain
-            if gain > 0:
-                # a row that holds nothing missing will not help later either
-                useful[kept] = m
-                kept += 1
+                sure, gain = 0, left
+                for i in range(n_some):
+                    sure += _bits(rows[m, some[i]] & missing[some[i]])
+                    gain = sure + rest[i]
+                    if gain <= best_gain:
+                        break
+                if gain > best_gain:
+                    best, best_gain = m, gain
+            # a row that holds nothing missing will not help later either
+            useful[kept], most[kept] = m, gain
+            kept += gain > 0
         n_useful = kept
         if best < 0:
-            return n
-        if n >= limit:
             return limit + 1
         chosen[n] = best
         n += 1
+        left -= best_gain
         for w in range(missing.shape[0]):
             missing[w] &= ~rows[best, w]
+    return n
 
 
 @njit(**FULL)
-def improve(rows, everything, chosen, n, centers, rounds, seed):
-    """Take neighbouring spheres out and complete again; keep what is not worse.
+def choose(rows, chosen, n, few, centers, rounds, seed):
+    """Complete the first n of chosen to a cover, and better one of `few` rows or fewer.
 
-    A xorshift of `seed` picks who goes, so that the same input
+    Bettering takes neighbouring spheres out and completes again, `rounds` times; what
+    is not worse is kept. A xorshift of `seed` picks who goes, so that the same input
     gives the same cover. Returns the new count.
     """
-    words = everything.shape[0]
-    trial = np.empty(chosen.shape[0], np.int64)
-    missing = np.empty(words, np.uint64)
-    useful = np.empty(rows.shape[0], np.int64)
+    everything = np.zeros(rows.shape[1], np.uint64)
+    held, words = np.empty(rows.shape[0], np.int64), np.empty(rows.shape[0], np.uint64)
+    for m in range(rows.shape[0]):
+        held[m], words[m] = _words(rows[m])
+        for w in range(everything.shape[0]):
+            everything[w] |= rows[m, w]
+    trial, missing = np.empty_like(chosen), np.empty_like(everything)
+    scratch = np.empty((4, max(rows.shape) + 1), np.int64)
+    _without(rows, everything, chosen, n, missing)
+    n = _complete(rows, held, words, missing, chosen, n, chosen.shape[0] - 1, scratch)
     state = np.uint64(seed)
-    for _ in range(rounds):
+    for _ in range(rounds if n <= few else 0):
         if n < 2:
             return n
         state ^= state << np.uint64(13)
@@ -90,23 +141,29 @@ def improve(rows, everything, chosen, n, centers, rounds, seed):
         pivot = draw % n
         out = 2 + (draw >> 12) % 4
         kept = _keep_far(chosen, n, pivot, out, centers, trial)
-        for w in range(words):
-            missing[w] = everything[w]
-        for k in range(kept):
-            for w in range(words):
-                missing[w] &= ~rows[trial[k], w]
+        _without(rows, everything, trial, kept, missing)
         if draw % 3 == 0:
             # a start that greed would not choose
             trial[kept] = _any_useful(rows, missing, draw)
-            for w in range(words):
+            for w in range(missing.shape[0]):
                 missing[w] &= ~rows[trial[kept], w]
             kept += 1
-        count = complete(rows, missing, trial, kept, n, useful)
+        count = _complete(rows, held, words, missing, trial, kept, n, scratch)
         if count <= n:
             n = _without_redundant(rows, everything, trial, count)
             for k in range(n):
                 chosen[k] = trial[k]
     return n
+
+
+@njit(**INNER)
+def _without(rows, everything, chosen, n, missing):
+    """Write to `missing` what the first n of chosen do not hold."""
+    for w in range(everything.shape[0]):
+        missing[w] = everything[w]
+    for k in range(n):
+        for w in range(everything.shape[0]):
+            missing[w] &= ~rows[chosen[k], w]
 
 
 @njit(**FULL_INNER)
@@ -141,18 +198,21 @@ def _any_useful(rows, missing, draw):
     return 0
 
 
-@njit(**INNER)
+@njit(**FULL_INNER)
 def _without_redundant(rows, everything, chosen, n):
     """Drop every row whose samples the others hold; return the new count."""
-    k = n - 1
+    once, twice = np.zeros_like(everything), np.zeros_like(everything)
+    k, last = n - 1, n + 1  # how many there were when they were counted
     while k >= 0:
-        needed = False
-        for w in range(everything.shape[0]):
-            rest = everything[w]
+        for w in range(everything.shape[0] if n < last else 0):
+            once[w] = twice[w] = np.uint64(0)
             for j in range(n):
-                if j != k:
-                    rest &= ~rows[chosen[j], w]
-            if rest:
+                twice[w] |= once[w] & rows[chosen[j], w]
+                once[w] |= rows[chosen[j], w]
+        needed, last = False, n
+        for w in range(everything.shape[0]):
+            others = twice[w] | (once[w] & ~rows[chosen[k], w])
+            if everything[w] & ~others:
                 needed = True
                 break
         if not needed:

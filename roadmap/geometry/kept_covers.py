@@ -25,16 +25,16 @@ from roadmap.geometry.spheres import cover_solids
 from roadmap.kernel_cache import Sources
 
 
-def kept_cover(solids: list[Solid], excess: float) -> np.ndarray:
-    """Return a close cover (n, 4) of a link, from a file where there is one [m]."""
+def kept_cover(solids: list[Solid], excess: float, closely: bool = True) -> np.ndarray:
+    """Return `cover_solids(...)` (n, 4), from a file where there is one [m]."""
     folder = cache_folder()
     if folder is None or not solids:
-        return cover_solids(solids, excess, closely=True)
-    store, name = ChunkStore(folder / "covers"), _name(solids, excess)
+        return cover_solids(solids, excess, closely)
+    store, name = ChunkStore(folder / "covers"), _name(solids, excess, closely)
     kept = store.get(name)
     if kept is not None and kept[0] == name:
         return kept[1]
-    found = cover_solids(solids, excess, closely=True)
+    found = cover_solids(solids, excess, closely)
     with suppress(BuildRefused):  # a full disk or a folder of others: not kept
         store.put(name, (np.array(name), found))
     return found
@@ -52,9 +52,9 @@ def cache_folder() -> Path | None:
         return None
 
 
-def _name(solids: list[Solid], excess: float) -> str:
+def _name(solids: list[Solid], excess: float, closely: bool) -> str:
     digest = hashlib.sha256(_code().encode())
-    digest.update(np.float64(excess).tobytes())
+    digest.update(np.float64(excess).tobytes() + bytes([closely]))
     for solid in solids:
         for part in (solid.kind, *solid.size, solid.T_body_solid, solid.points):
             array = np.ascontiguousarray(part, np.float64)

@@ -140,16 +140,16 @@ def _search(solids: list[Solid], excess: float, more: int = 1) -> np.ndarray:
     n = int(share * _CANDIDATES)
     grids, pitches = zip(*[grid(s, n) for s in solids], strict=True)
     pool = np.vstack([_exact(solids), _candidates(np.vstack(grids), solids, excess)])
-    pool, rows = _able(pool, samples, solids, excess)
+    sampled = _Sampled(samples, solids, excess)
+    pool, rows = sampled.able(pool)
     picked = _pick(pool, rows, np.empty(0, np.int64), _ROUNDS)
     if len(picked) > MAX_SPHERES_PER_LINK:
         return pool[picked]
     near = pool[picked, None, :3] + min(pitches) * _LATTICE
     near = _candidates(near.reshape(-1, 3), solids, excess)
-    pool = np.vstack([pool[picked], _exact(solids), near])
+    pool, rows = sampled.able(np.vstack([pool[picked], _exact(solids), near]))
     picked, rounds, best = np.arange(len(picked)), _ROUNDS, None
     for _ in range(_REPAIRS):
-        pool, rows = _able(pool, samples, solids, excess)
         picked = _pick(pool, rows, picked, rounds)
         missed = [_holes(pool[picked], s, excess) for s in solids]
         if not any(map(len, missed)):
@@ -160,9 +160,10 @@ def _search(solids: list[Solid], excess: float, more: int = 1) -> np.ndarray:
             if over <= 1.02 * excess or len(worst) == 0:
                 break
             missed = [worst]
-        samples, rounds = np.vstack([samples, *missed]), _ROUNDS // 40
+        pool, rows = sampled.with_more(np.vstack(missed), pool, rows)
+        rounds = _ROUNDS // 40
     spheres = best[1] if best else _proved(pool[picked], solids)[0]
-    return _needed(spheres, solids, samples)
+    return _needed(spheres, solids, sampled.points)
 
 
 def _samples(solid: Solid, share: float) -> np.ndarray:
@@ -185,34 +186,66 @@ def _candidates(centers, solids: list[Solid], excess: float) -> np.ndarray:
     return np.hstack([centers, radii[:, None]])[inside > -1e-6]
 
 
-def _able(pool, samples, solids: list[Solid], excess: float):
-    """Add a sphere at each sample that no candidate covers; return pool, rows."""
-    rows = _rows(pool, samples)
-    bits = np.bitwise_or.reduce(rows, axis=0).astype("<u8").view(np.uint8)
-    held = np.unpackbits(bits, bitorder="little")[: len(samples)].astype(bool)
-    added = _candidates(samples[~held], solids, excess)
-    return np.vstack([pool, added]), np.vstack([rows, _rows(added, samples)])
+class _Sampled:
+    """The sample points of a search, and which spheres of a pool hold them.
+
+    What a search finds does not depend on their order; it is quicker where those of a
+    word lie near together.
+    """
+
+    def __init__(self, points: np.ndarray, solids: list[Solid], excess: float) -> None:
+        self._order = _near_together(points, np.arange(len(points)))
+        self.points, self._limits = points[self._order], (solids, excess)
+
+    def able(self, pool: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Add a sphere at each sample that no candidate covers; return pool, rows."""
+        return self._able(pool, np.empty((len(pool), 0), np.uint64))
+
+    def with_more(self, points, pool, rows) -> tuple[np.ndarray, np.ndarray]:
+        """Add samples (n, 3), and to pool and rows what they ask for."""
+        whole = len(self.points) // 64  # words that stay as they are
+        self._order = np.append(self._order, len(self.points) + np.arange(len(points)))
+        self.points = np.vstack([self.points, points])
+        return self._able(pool, rows[:, :whole])
+
+    def _able(self, pool, rows) -> tuple[np.ndarray, np.ndarray]:
+        rest = 64 * rows.shape[1]
+        rows = np.hstack([rows, _rows(pool, self.points[rest:])])
+        bits = np.bitwise_or.reduce(rows, axis=0).astype("<u8").view(np.uint8)
+        held = np.unpackbits(bits, bitorder="little")[: len(self.points)]
+        left = np.flatnonzero(held == 0)
+        left = left[np.argsort(self._order[left])]
+        added = _candidates(self.points[left], *self._limits)
+        return np.vstack([pool, added]), np.vstack([rows, _rows(added, self.points)])
+
+
+def _near_together(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """Return ids of points in an order in which each 64 in turn lie near together."""
+    if len(ids) <= 64:
+        return ids
+    axis = np.ptp(points[ids], axis=0).argmax()
+    ids = ids[np.argsort(points[ids, axis], kind="stable")]
+    half = 64 * ((len(ids) + 127) // 128)
+    return np.concatenate(
+        [_near_together(points, part) for part in (ids[:half], ids[half:])]
+    )
 
 
 def _rows(pool: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Return which sphere covers which sample, as bits (n_pool, words) uint64."""
     rows = np.empty((len(pool), (len(samples) + 63) // 64), np.uint64)
     centers, radii = np.array(pool[:, :3], order="C"), np.array(pool[:, 3])
-    kernels.coverage(centers, radii, samples, rows)
+    points, around = np.ascontiguousarray(samples.T), np.empty((rows.shape[1], 4))
+    kernels.coverage(centers, radii, points, around, rows)
     return rows
 
 
 def _pick(pool, rows, start: np.ndarray, rounds: int) -> np.ndarray:
     """Return indices of few spheres of the pool that cover all samples."""
-    everything = np.bitwise_or.reduce(rows, axis=0)
-    missing = everything & ~np.bitwise_or.reduce(rows[start], axis=0)
-    limit = 64 * rows.shape[1] + len(start)
-    chosen = np.zeros(limit + 2, np.int64)
+    chosen = np.zeros(64 * rows.shape[1] + len(start) + 2, np.int64)
     chosen[: len(start)] = start
-    useful = np.empty(len(pool), np.int64)
-    n = kernels.complete(rows, missing, chosen, len(start), limit, useful)
-    if n <= 1.5 * MAX_SPHERES_PER_LINK:
-        n = kernels.improve(rows, everything, chosen, n, pool, rounds, _SEED)
+    few = 3 * MAX_SPHERES_PER_LINK // 2
+    n = kernels.choose(rows, chosen, len(start), few, pool, rounds, _SEED)
     return chosen[:n]
 
 
@@ -260,14 +293,13 @@ def _is_held(solid: Solid, spheres: np.ndarray) -> bool:
 
 def _needed(spheres, solids: list[Solid], samples: np.ndarray) -> np.ndarray:
     """Drop spheres that the others, as they have grown, make redundant; proved."""
+    rows = _rows(spheres, samples)
     for i in range(len(spheres) - 1, -1, -1):
-        rest = np.delete(spheres, i, axis=0)
-        if len(rest) and np.bitwise_or.reduce(_rows(rest, samples)).tobytes() == (
-            np.bitwise_or.reduce(_rows(spheres, samples)).tobytes()
-        ):
-            grown, worst = _proved(rest, solids)
+        others = np.bitwise_or.reduce(np.delete(rows, i, axis=0))
+        if len(spheres) > 1 and (others == np.bitwise_or.reduce(rows)).all():
+            grown, worst = _proved(np.delete(spheres, i, axis=0), solids)
             if len(worst) == 0:
-                spheres = grown
+                spheres, rows = grown, _rows(grown, samples)
     return spheres
 
 

@@ -6,7 +6,9 @@ from small import HOME, on_its_way
 from wrappers import with_wrapper
 
 import odm
+from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.safety import Safety
+from odm.frame.place import Standing, place_of
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
 from roadmap import time_path
@@ -116,6 +118,11 @@ def test_a_way_that_turns_back_or_stands_is_no_trouble(small_map):
         assert -1 <= at <= n and np.isfinite(m.robot_state.fraction[0])
 
 
+def there_is(static, point):
+    """Let a point stand there, for the static test alone: no edge is closed."""
+    static.set_place(place_of([Standing("it", point[None], point[None], NO_SOLIDS)]))
+
+
 def _beside_a_blend(planner, path):
     """Return a place on a blend and a point that stands still inside its corner.
 
@@ -138,11 +145,11 @@ def _beside_a_blend(planner, path):
                 continue
             inwards /= np.linalg.norm(inwards)
             point = at[i] + (grown[i] - 3e-4) * inwards
-            planner.set_static(point[None])
+            there_is(static, point)
             free = all(
                 static.motion_free(a, d) for a, d in zip(path, legs, strict=False)
             )
-            if free and not planner.static.motion_free(q, np.zeros_like(q)):
+            if free and not static.motion_free(q, np.zeros_like(q)):
                 return q, point
     return None
 

@@ -40,7 +40,7 @@ def writer(name):
     lines.append(f"    return group.{single[0]}" if single else "    return 0.0")
     space = {"view": view}
     exec("\n".join(lines), space)
-    return njit(space["write"])
+    return njit(**LEAN | {"cache": False})(space["write"])
 
 
 @pytest.mark.parametrize("name", KINDS)

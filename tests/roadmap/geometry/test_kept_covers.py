@@ -37,13 +37,14 @@ def test_a_cover_is_found_once_and_comes_back_to_the_byte(found):
     )
 
 
-def test_another_solid_excess_or_code_is_another_cover(found, monkeypatch):
+def test_another_solid_excess_closeness_or_code_is_another_cover(found, monkeypatch):
     kept_cover([box()], 0.02)
     kept_cover([box(0.1 + 1e-15)], 0.02)
     kept_cover([box()], 0.021)
+    kept_cover([box()], 0.02, closely=False)
     monkeypatch.setattr(kept_covers, "_code", lambda: "another way to prove")
     kept_cover([box()], 0.02)
-    assert len(found) == 4
+    assert len(found) == 5
 
 
 def test_a_damaged_or_foreign_file_is_found_anew(found, tmp_path):

@@ -15,6 +15,8 @@ from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import (
     MAX_SPHERES_PER_LINK,
     _protrusion,
+    _rows,
+    _Sampled,
     cover_excess,
     cover_report,
     cover_solids,
@@ -249,3 +251,46 @@ def test_a_silly_excess_is_refused():
     for excess in (0.0, -1.0, 5.0, np.nan):
         with pytest.raises(BadRobot, match="excess of"):
             cover_solids([solid], excess)
+
+
+def held(spheres, points):
+    """Return which sphere holds which point, by the definition (m, n)."""
+    far = np.linalg.norm(points - spheres[:, None, :3], axis=2)
+    return far <= spheres[:, 3:]
+
+
+def as_bits(rows, n):
+    return np.unpackbits(rows.view(np.uint8), axis=1, bitorder="little")[:, :n] > 0
+
+
+@pytest.mark.parametrize("n", [1, 63, 64, 65, 300, 5000])  # 5000: more than 64 words
+def test_rows_and_what_greed_takes_agree_with_their_twins(n, rng):
+    points = rng.uniform(-1, 1, (n, 3))
+    pool = np.column_stack([rng.uniform(-1, 1, (400, 3)), rng.uniform(0.1, 0.6, 400)])
+    rows, inside = _rows(pool, points), held(pool, points)
+    assert (as_bits(rows, n) == inside).all()
+    start = [7, 3]
+    wanted, left = list(start), inside.any(axis=0) & ~inside[start].any(axis=0)
+    while left.any():
+        wanted.append(
+            int(np.argmax(inside[:, left].sum(axis=1)))
+        )  # the first of equals
+        left &= ~inside[wanted[-1]]
+    chosen = np.zeros(n + 70, np.int64)
+    chosen[:2] = start
+    count = kernels.choose(rows, chosen, 2, 0, pool, 100, 1)
+    assert chosen[:count].tolist() == wanted
+    better = kernels.choose(rows, chosen, count, n + 2, pool, 300, 1)
+    assert better <= count
+    assert (inside[chosen[:better]].any(axis=0) == inside.any(axis=0)).all()
+
+
+def test_samples_that_come_later_are_held_as_if_all_had_come_at_once(rng):
+    box = Solid(BOX, 0, np.eye(4), (0.2, 0.1, 0.1), NO_POINTS)
+    points = rng.uniform(-0.5, 0.5, (500, 3)) * (0.2, 0.1, 0.1)
+    pool = np.column_stack([points[:5], np.full(5, 0.03)])
+    sampled = _Sampled(points[:333], [box], 0.02)
+    more, rows = sampled.with_more(points[333:], *sampled.able(pool))
+    assert (as_bits(rows, 500) == held(more, sampled.points)).all()
+    assert as_bits(rows, 500).any(axis=0).all() and (more[:5] == pool).all()
+    assert {*map(tuple, points)} == {*map(tuple, sampled.points)}
