@@ -14,6 +14,7 @@ from roadmap.geometry.solid_samples import grid, surface
 from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import (
     MAX_SPHERES_PER_LINK,
+    _near_together,
     _protrusion,
     _rows,
     _Sampled,
@@ -266,6 +267,8 @@ def as_bits(rows, n):
 @pytest.mark.parametrize("n", [1, 63, 64, 65, 300, 5000])  # 5000: more than 64 words
 def test_rows_and_what_greed_takes_agree_with_their_twins(n, rng):
     points = rng.uniform(-1, 1, (n, 3))
+    points = points[_near_together(points, np.arange(n))]
+    assert len(np.unique(points, axis=0)) == n
     pool = np.column_stack([rng.uniform(-1, 1, (400, 3)), rng.uniform(0.1, 0.6, 400)])
     rows, inside = _rows(pool, points), held(pool, points)
     assert (as_bits(rows, n) == inside).all()
