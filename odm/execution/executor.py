@@ -754,11 +754,12 @@ class Executor:
     def _why(self, threat: Moving) -> str:
         stop = self.motion.stop(self.t)
         time = self.period + stop.duration
-        far = threat.displacement_bound(time)
+        far, where = threat.displacement_bound(time), "anywhere"
+        if far < math.inf:
+            where = f"up to {100 * far:.0f} cm from where they are expected"
         return (
             f"a stop takes {1e3 * time:.0f} ms, and by then the person can be in its "
-            f"way: at up to {threat.fastest:.2f} m/s, and up to {100 * far:.0f} cm "
-            "from where they are expected"
+            f"way: at up to {threat.fastest:.2f} m/s, and {where}"
         )
 
     def _take(self, motion: Motion) -> None:

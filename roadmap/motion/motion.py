@@ -160,7 +160,7 @@ class Motion:
         """Return the quickest stop along the same path, from time `t` on.
 
         Where it cannot stop before the next blend, it goes on as planned to there, or
-        to its end.
+        to where it rests next.
 
         Raises:
             BadInput: `t` is negative or not a number.

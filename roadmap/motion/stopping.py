@@ -11,13 +11,15 @@ from roadmap.motion.timing import (
 )
 
 _OVER = 4  # pieces that a stop may lead over
+_LATER = 1e-6  # [s] a stop that ends so little later than as planned is taken
 
 
 def quickest_stop(path: BlendedPath, profile: SpeedProfile, t: float) -> SpeedProfile:
-    """Return a stop from time `t` of a profile on; at worst as planned to the end.
+    """Return a stop from time `t` of a profile on; at worst where it rests as planned.
 
     It begins and ends on one piece of the path; or leads over some more, by the least
-    of their limits; or goes on as planned to the end of a piece. The shortest is taken.
+    of their limits; or goes on as planned to the end of a piece, or to where the
+    profile rests next. The shortest is taken.
     """
     begin = profile.state(t)
     found = []
@@ -29,8 +31,9 @@ def quickest_stop(path: BlendedPath, profile: SpeedProfile, t: float) -> SpeedPr
         found.append(builder)
         if not path.pieces or builder.state.s <= path.pieces[path.index_of(begin)].end:
             break
-    if found:
-        return min(found, key=lambda builder: builder.t).profile()
+    quickest = min(found, key=lambda builder: builder.t, default=None)
+    if quickest is not None and t + quickest.t <= profile.rest_after(t) + _LATER:
+        return quickest.profile()
     builder = ProfileBuilder(begin)
     builder.finish(profile, t)
     return builder.profile()

@@ -103,6 +103,13 @@ class SpeedProfile:
         found[2, inside] = state.a
         return found
 
+    def rest_after(self, t: float) -> float:
+        """Return when it rests next after `t` [s], on its way or at its end."""
+        for phase in self.phases:
+            if phase.t > t and phase.v == phase.a == 0.0:
+                return phase.t
+        return self.duration
+
     def index(self, t: float) -> int:
         """Return the phase that holds time `t` [s]."""
         return max(0, bisect_right(self._begins, t) - 1)
@@ -158,11 +165,18 @@ class ProfileBuilder:
         self.state = State(max(phases[k].s, s_end), phases[k].v, phases[k].a)
 
     def finish(self, profile: SpeedProfile, t: float) -> None:
-        """Add what a profile does from time `t` to its end."""
+        """Add what a profile does from time `t` until it rests, on its way or at last.
+
+        A profile that could not go on otherwise has a stop on its way.
+        """
         ends = [phase.t for phase in profile.phases[1:]] + [profile.duration]
+        rest = profile.rest_after(t)
         for phase, end in zip(profile.phases, ends, strict=False):
             if end <= t:
                 continue
+            if phase.t >= rest:
+                self.state = State(phase.s, 0.0, 0.0)
+                return
             begin = max(t, phase.t)
             state = after(phase, begin - phase.t)
             self.phases.append(Phase(self.t, *state, phase.j))

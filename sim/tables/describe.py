@@ -217,19 +217,15 @@ def pair_lines(pairs: list[list[str]]) -> list[str]:
 
 
 def folded(notes: list[str]) -> list[str]:
-    """Return the notes, what is said of many links in one line."""
+    """Return the notes, what is said of many links or joints in one line."""
     of: dict[str, list[str]] = {}
     for note in notes:
-        link, mark, rest = note.partition(": ")
-        link, rest = (link, rest) if mark and " " not in link else ("", note)
-        of.setdefault(rest, []).append(link)
+        name, mark, rest = note.partition(": ")
+        name, rest = (name, rest) if mark and " " not in name else ("", note)
+        of.setdefault(rest, []).append(name)
     return [
-        f"{links[0]}: {rest}"
-        if len(links) == 1 and links[0]
-        else f"{len(links)} links, {', '.join(links)}: {rest}"
-        if links[0]
-        else rest
-        for rest, links in of.items()
+        f"{', '.join(names)}: {rest}" if names[0] else rest
+        for rest, names in of.items()
     ]
 
 

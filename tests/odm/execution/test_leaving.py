@@ -82,6 +82,16 @@ def test_it_comes_no_nearer_to_who_stands_just_beyond_its_clearance(small_map):
     assert scene.executor.state == BRAKED
 
 
+def test_who_may_be_anywhere_is_told_without_a_number(small_map):
+    scene = Beside(small_map, 0.2, AWAY)
+    known, executor = scene.threat(), scene.executor
+    for age, told in ((0.0, ""), (None, "and anywhere")):
+        scene.threat = lambda age=age: replace(known, age=age)
+        for _ in range(8):
+            scene.frame()
+        assert told in executor.reason and "inf" not in executor.reason
+
+
 def left_by(scene, threat):
     """Return which parts are near and left by a way, None: it leads to one."""
     executor = scene.executor

@@ -1,15 +1,18 @@
 """Motions that are changed every few milliseconds: never back, and quick to stop."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import roadmap
 from roadmap.motion import stopping
+from roadmap.motion.retiming import timed
 from roadmap.motion.timing import NoProfile, ProfileBuilder, State, after
 
 PERIOD = 0.01
+DATA = Path(__file__).resolve().parents[2] / "data"
 
 
 def without_stops(robot):
@@ -56,6 +59,27 @@ def test_no_motion_ever_goes_back(panda, seed):
                 speeds = [after(phase, dt).v for dt in times]
                 assert min(speeds) > -1e-6
             assert phases == () or phases[-1].s <= one.length + 1e-6
+
+
+def test_a_stop_leads_no_farther_than_to_the_next_rest_on_the_way():
+    """A motion that could only be slowed down by a stop goes on from there."""
+    arm = without_stops(roadmap.load_robot(str(DATA / "arm3.urdf"), tip="tool"))
+    rng, looked = np.random.default_rng(0), 0
+    for _ in range(60):
+        motion = roadmap.time_path(arm, crooked_path(arm, rng, 9), blend=0.004)
+        path, profile = motion.path, motion.profile
+        for t in rng.uniform(0.0, motion.duration, 6):
+            begin = min(t + 0.05, profile.duration)
+            rest = stopping.stop_later(path, profile, t, begin)
+            if rest.end > motion.length - 1e-6:
+                continue
+            on = rest.then(timed(path, State(rest.end, 0.0, 0.0), 0.5))
+            for later in (0.0, 0.01, 0.03):
+                stop = stopping.quickest_stop(path, on, later)
+                assert later + stop.duration < rest.duration + 1e-5
+                assert stop.state(stop.duration) == (stop.end, 0.0, 0.0)
+                looked += 1
+    assert looked > 500
 
 
 def bent_path(robot, rng, corners):

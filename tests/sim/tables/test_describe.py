@@ -20,10 +20,10 @@ def test_many_pairs_of_one_reason_are_one_line():
     assert len(pair_lines(many[1:])) == MOST_PAIRS
 
 
-def test_what_is_said_of_many_links_is_said_once():
+def test_what_is_said_of_many_links_or_joints_is_said_once():
     notes = ["one: visual hull used", "locked joints: a = 0", "two: visual hull used"]
     hull, locked = folded(notes)
-    assert hull == "2 links, one, two: visual hull used"
+    assert hull == "one, two: visual hull used"
     assert locked == "locked joints: a = 0"
     assert folded(notes[:1]) == notes[:1] and folded(["no mark"]) == ["no mark"]
 
