@@ -14,8 +14,8 @@ import numpy as np
 from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
-from roadmap.geometry.kept_covers import kept_cover
-from roadmap.geometry.spheres import cover_excess, robot_solids
+from roadmap.geometry.kept_covers import kept_cover, kept_excess
+from roadmap.geometry.spheres import robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.joint_tree import PARENT
 from roadmap.loading.held_link import hanging_on, with_payload
@@ -45,7 +45,7 @@ def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
     solids = robot_solids(robot)
     parts = {k: [s for s in solids if s.link == k] for k in links}
     covers = {k: kept_cover(parts[k], EXCESS, False) for k in links if parts[k]}
-    excess = {robot.link_names[k]: cover_excess(c, parts[k]) for k, c in covers.items()}
+    excess = {robot.link_names[k]: kept_excess(c, parts[k]) for k, c in covers.items()}
     stays = ~np.isin(robot.sphere_link, list(covers))
     spheres = np.concatenate([robot.spheres[stays], *covers.values()])
     link = np.concatenate(

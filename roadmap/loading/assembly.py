@@ -168,14 +168,14 @@ def _solids(owners: list[Link], tree: BodyTree, lookup: tuple):
 
 def _geometry(owners, tree: BodyTree, solids, excess: float) -> dict:
     """Return the geometry arrays of `Robot`: solids, cover, shells, reaches."""
-    from roadmap.geometry.polytope import shell
+    from roadmap.geometry.kept_covers import kept_shells
     from roadmap.kinematics.axis_reach import group_reach, joint_span, point_reach
 
     link_body = np.array([tree.link_body[link.name] for link in owners], np.int32)
     covers = _covers(link_body, solids, excess)
     spheres = np.vstack([np.empty((0, 4)), *covers])
     sphere_link = np.repeat(np.arange(len(owners)), [len(c) for c in covers])
-    shells = [shell(s) for s in solids]
+    shells = kept_shells(solids)
     shell_link = np.array([s.link for s in solids], np.int32)
     limits = tree.limits["lower"], tree.limits["upper"]
     chain = (tree.tree_i, tree.tree_f, joint_span(tree.tree_i, tree.tree_f, *limits))
@@ -214,12 +214,14 @@ def _covers(link_body: np.ndarray, solids, excess: float) -> list[np.ndarray]:
 
 def _coarse(owners, tree: BodyTree, geometry: dict, solids, excess: float) -> list[str]:
     """Say which moving links got a coarser cover than asked for."""
-    from roadmap.geometry.spheres import cover_excess
+    from roadmap.geometry.kept_covers import kept_excess
 
     notes = []
     for index, link in enumerate(owners):
+        if tree.link_body[link.name] == 0:
+            continue
         spheres = geometry["spheres"][geometry["sphere_link"] == index]
-        over = cover_excess(spheres, [s for s in solids if s.link == index])
-        if tree.link_body[link.name] > 0 and over > 1.3 * excess:
+        over = kept_excess(spheres, [s for s in solids if s.link == index])
+        if over > 1.3 * excess:
             notes.append(f"{link.name}: cover excess {over:.3f} m, to save spheres")
     return notes

@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 
 from roadmap.geometry import kept_covers
-from roadmap.geometry.kept_covers import cache_folder, kept_cover
+from roadmap.geometry.kept_covers import (
+    cache_folder,
+    kept_cover,
+    kept_excess,
+    kept_shells,
+)
+from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
-from roadmap.geometry.spheres import cover_solids
-from roadmap.robot.robot import BOX
+from roadmap.geometry.spheres import cover_excess, cover_solids
+from roadmap.robot.robot import BOX, SPHERE
 
 
 def box(width=0.1):
@@ -42,7 +48,7 @@ def test_another_solid_excess_closeness_or_code_is_another_cover(found, monkeypa
     kept_cover([box(0.1 + 1e-15)], 0.02)
     kept_cover([box()], 0.021)
     kept_cover([box()], 0.02, closely=False)
-    monkeypatch.setattr(kept_covers, "_code", lambda: "another way to prove")
+    monkeypatch.setattr(kept_covers, "_code", lambda module: "another way to prove")
     kept_cover([box()], 0.02)
     assert len(found) == 5
 
@@ -72,3 +78,28 @@ def test_where_nothing_can_be_kept_it_is_found_each_time(found, monkeypatch, tmp
         kept_cover([box()], 0.05)
     assert len(found) == 4
     assert cache_folder() is None
+
+
+def test_shells_are_found_once_and_come_back_to_the_byte(monkeypatch, tmp_path):
+    ball = Solid(SPHERE, 0, np.eye(4), (0.1, 0.0, 0.0), np.zeros((0, 3)))
+    times = []
+    monkeypatch.setenv("ODM_CACHE", str(tmp_path))
+    monkeypatch.setattr(kept_covers, "shell", lambda s: times.append(s) or shell(s))
+    for solids in ([box(), ball], [box(), ball], [ball, box()], [box()], []):
+        shells = kept_shells(solids)
+        assert [s.tobytes() for s in shells] == [shell(s).tobytes() for s in solids]
+    assert len(times) == 5
+    kept_cover([box()], 0.02)
+    assert len(list((tmp_path / "covers").iterdir())) == 5
+
+
+def test_an_excess_is_measured_once_for_these_spheres_and_solids(monkeypatch, tmp_path):
+    few, many = cover_solids([box()], 0.05), cover_solids([box()], 0.02)
+    times = []
+    monkeypatch.setenv("ODM_CACHE", str(tmp_path))
+    monkeypatch.setattr(
+        kept_covers, "cover_excess", lambda *a: times.append(a) or cover_excess(*a)
+    )
+    for spheres, solid in [(few, box()), (many, box()), (few, box(0.09))] * 2:
+        assert kept_excess(spheres, [solid]) == cover_excess(spheres, [solid])
+    assert len(times) == 3
