@@ -12,6 +12,8 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-c
 demo: $(VENV)/.sim
 	$(BIN)/odm demo handover
 
+# keeps byte code: where none is kept, each of the tests' commands would make it again
+test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.test
 	$(BIN)/odm warmup
 	@# two processes whose BLAS has a thread for each core wait for each other, spinning
@@ -45,8 +47,6 @@ $(VENV)/.sim: pyproject.toml | $(BIN)/python
 $(VENV)/.test: pyproject.toml | $(BIN)/python
 	@echo "installing into $(VENV), tests included ..."
 	@$(PIP) -e '.[test]'
-	@# byte code, which some machines never keep: each of the tests' commands would make it
-	@$(BIN)/python -m compileall -q -j 0 $(VENV)/lib odm roadmap handover sim || true
 	@touch $@
 
 $(VENV)/.docs: pyproject.toml | $(BIN)/python
