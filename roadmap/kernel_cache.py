@@ -27,41 +27,56 @@ _PLAIN = re.compile(r"^[ \t]*import ([\w., ]+)", re.MULTILINE)
 
 
 class Sources:
-    """The Python files of the packages in the folder `root`, and what each imports."""
+    """The Python files of the packages in the folder `root`, and what each imports.
+
+    A file goes by its name below `root`, "odm/search/_astar.py": each program begins
+    with reading them all, and paths are slow.
+    """
 
     def __init__(self, root: Path) -> None:
-        self.root = root
-        self.text = cache(Path.read_bytes)
+        self.root, above = root, len(os.path.join(root, ""))
+        self.names = {
+            os.path.join(folder, file)[above:].replace(os.sep, "/")
+            for package in PACKAGES
+            for folder, _, files in os.walk(root / package)
+            for file in files
+            if file.endswith(".py")
+        }
+        self.text = cache(self._text)
+        self.hash = cache(lambda name: hashlib.sha256(self.text(name)).digest())
         self.imported = cache(self._imported)
 
     def compiled(self) -> list[Path]:
         """Return the files with loops that numba compiles."""
-        found = (f for p in PACKAGES for f in (self.root / p).rglob("*.py"))
-        return sorted(f for f in found if b"njit" in self.text(f))
+        found = (name for name in sorted(self.names) if b"njit" in self.text(name))
+        return [self.root / name for name in found]
 
     def digest(self, file: Path) -> str:
         """Return a SHA-256 over a file and all files of ours that it needs."""
-        seen, todo = {file}, [file]
+        first = file.relative_to(self.root).as_posix()
+        seen, todo = {first}, [first]
         while todo:
             new = self.imported(todo.pop()) - seen
             seen |= new
             todo += new
         digest = hashlib.sha256()
-        for path in sorted(seen):
-            digest.update(str(path.relative_to(self.root)).encode() + self.text(path))
+        for name in sorted(seen):
+            digest.update(name.encode() + self.hash(name))
         return digest.hexdigest()
 
-    def _imported(self, file: Path) -> frozenset[Path]:
-        text = self.text(file).decode()
-        names = []
+    def _text(self, name: str) -> bytes:
+        return (self.root / name).read_bytes()
+
+    def _imported(self, name: str) -> set[str]:
+        text = self.text(name).decode()
+        modules = []
         for module, what in _IMPORT.findall(text):
             if module.partition(".")[0] in PACKAGES:
-                names += [f"{module}.{n}" for n in re.findall(r"\w+", what)] + [module]
+                modules += [f"{module}.{n}" for n in re.findall(r"\w+", what)]
+                modules.append(module)
         for line in _PLAIN.findall(text):
-            names += [n.split()[0] for n in line.split(",") if n.strip()]
-        ours = (n for n in names if n.partition(".")[0] in PACKAGES)
-        files = (self.root / f"{name.replace('.', '/')}.py" for name in ours)
-        return frozenset(f for f in files if f.is_file())
+            modules += [n.split()[0] for n in line.split(",") if n.strip()]
+        return self.names.intersection(f"{m.replace('.', '/')}.py" for m in modules)
 
 
 def drop_stale_code(root: Path | None = None) -> list[Path]:
