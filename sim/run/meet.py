@@ -18,10 +18,8 @@ from handover import (
     chain_of,
     load_reach_map,
 )
-from handover.meet.constraints import ClearOf
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
-from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import WITHDRAWN, LiveTargets
 from handover.targets.node_index import NodeIndex
@@ -42,7 +40,7 @@ from sim.people.whole_person import (
 from sim.run import places
 from sim.run.folders import REACH_MAPS, check_kind_of
 from sim.run.meet_audit import TargetAudit, Verdict, shares
-from sim.run.meet_loop import MeetLoop
+from sim.run.meet_loop import MeetLoop, meet_settings
 from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
@@ -107,8 +105,7 @@ class MeetSetup:
 
     def meet(self, human: Human, side: str) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        clear = (ClearOf(self.cell_map.scenery),)
-        settings = MeetSettings(side=side, quality=QUALITY, constraints=clear)
+        settings = meet_settings(self.cell_map, side, QUALITY)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def loop(
