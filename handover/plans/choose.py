@@ -8,7 +8,7 @@ reduced set holds none, it is widened step by step; each tuple says which step i
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from itertools import count
+from itertools import count, islice
 
 import numpy as np
 
@@ -167,9 +167,10 @@ def tuples(
     }
     stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
     every = np.arange(len(pair.of_receiver))
-    goals = _Once(taking.look(scene.T_world_goal, every, stand))
-    report.looked[f"receiver {sides[1]}, goal"] = goals.looked
-    if goals.at(0) is None:
+    looked = taking.look(scene.T_world_goal, every, stand)
+    report.looked[f"receiver {sides[1]}, goal"] = looked
+    goals = Kept(iter(looked))
+    if not goals.first(1):
         return
     stand = partial(_stand, giver, waits["receiver"], scene.T_world_start)
     every = np.arange(len(pair.of_giver))
@@ -204,27 +205,26 @@ def tuples(
                     )  # fmt: skip
 
 
-class _Once:
-    """The free grasps of a `LazyGrasps`, in order, each made once and kept."""
+class Kept:
+    """What an iterator yields, made as it is asked for; it can be gone through again.
 
-    def __init__(self, looked: LazyGrasps) -> None:
-        self.looked, self._rest, self._found = looked, iter(looked), []
+    Args:
+        every: The iterator; what it raises is raised where the next one is asked for.
+    """
 
-    def at(self, k: int) -> tuple[int, np.ndarray, float] | None:
-        """Return (grasp, joints, dexterity) of the k-th one, None: there is none."""
-        while len(self._found) <= k:
-            more = next(self._rest, None)
-            if more is None:
-                return None
-            self._found.append(more)
-        return self._found[k]
+    def __init__(self, every: Iterator) -> None:
+        self._rest, self._found = every, []
 
-    def __iter__(self) -> Iterator[tuple[int, np.ndarray, float]]:
+    def first(self, n: int) -> list:
+        """Return n of them, or all that there are."""
+        self._found += islice(self._rest, max(0, n - len(self._found)))
+        return self._found[:n]
+
+    def __iter__(self) -> Iterator:
         for k in count():
-            one = self.at(k)
-            if one is None:
+            if len(self.first(k + 1)) <= k:
                 return
-            yield one
+            yield self._found[k]
 
 
 def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:

@@ -125,13 +125,6 @@ class Limb:
         return self.chain.tool_pose(np.ascontiguousarray(q[: self.n_arm]))
 
 
-def ball_of(points: np.ndarray) -> tuple:
-    """Return a ball around points: centre and radius [m]."""
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    far = np.linalg.norm(points - center, axis=1).max()
-    return (*center.tolist(), float(far + 1e-9))
-
-
 def balls_of(points: np.ndarray, first: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return balls (k, 4) around runs of points (n, 3) that begin at rows first (k,).
 
