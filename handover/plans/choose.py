@@ -28,59 +28,46 @@ class HandoverChoice:
     """One way to hand over: arms, grasps, pose and joints of both agents.
 
     The paper calls it a tuple of H.
-
-    Attributes:
-        arm, arm_receiver: Sides of the arms of giver and receiver.
-        grasp_giver, grasp_receiver: Numbers in the sets.
-        T_world_handover: (4, 4) the object then [m].
-        q_start, q_giver: (dof,) giver's arm and hand at the start and then.
-        q_receiver, q_goal: (dof,) receiver's then and at the goal.
-        dexterity: The receiver's at the goal: what is selected by.
-        dexterity_giver: The giver's at the hand-over: what decides among equals.
-        step: Which step of the search found it.
     """
 
+    # sides of the arms of giver and receiver
     arm: str
     arm_receiver: str
+    # numbers in the sets
     grasp_giver: int
     grasp_receiver: int
-    T_world_handover: np.ndarray
+    T_world_handover: np.ndarray  # (4, 4) the object then [m]
+    # (dof,) giver's arm and hand at the start and then
     q_start: np.ndarray
     q_giver: np.ndarray
+    # (dof,) receiver's then and at the goal
     q_receiver: np.ndarray
     q_goal: np.ndarray
-    dexterity: float
-    dexterity_giver: float
-    step: str
+    dexterity: float  # the receiver's at the goal: what is selected by
+    dexterity_giver: float  # the giver's at the hand-over: what decides among equals
+    step: str  # which step of the search found it
 
 
 @dataclass(eq=False)
 class Report:
-    """What was pruned where, and why.
+    """What was pruned where, and why."""
 
-    Attributes:
-        arm: Why the giver's arm was chosen.
-        looked: Where -> the grasps looked at there, tested as far as was needed.
-        poses: Hand-over poses looked at, and those that the receiver can take.
-        tuples: Tuples of H that were found.
-        step: Which step of the search found the plan's tuple.
-        failed: Motions that were not found, one line for each tuple tried.
-        refused: These tuples.
-        unpickable: Grasps of the giver that it cannot come to, or lift, at the start,
-            whatever follows: no more tuples are made of them.
-        unplaceable: The same of the receiver at the goal.
-        seconds: Stage -> time spent [s]; no part of a plan's bytes.
-    """
-
-    arm: str = ""
+    arm: str = ""  # why the giver's arm was chosen
+    # where -> the grasps looked at there, tested as far as was needed
     looked: dict[str, LazyGrasps] = field(default_factory=dict)
+    # hand-over poses looked at, and those that the receiver can take
     poses: list = field(default_factory=lambda: [0, 0])
-    tuples: int = 0
-    step: str = ""
+    tuples: int = 0  # tuples of H that were found
+    step: str = ""  # which step of the search found the plan's tuple
+    # motions that were not found, one line for each tuple tried
     failed: list = field(default_factory=list)
-    refused: list[HandoverChoice] = field(default_factory=list)
+    refused: list[HandoverChoice] = field(default_factory=list)  # these tuples
+    # grasps of the giver that it cannot come to, or lift, at the start, whatever
+    # follows: no more tuples are made of them
     unpickable: set[int] = field(default_factory=set)
+    # the same of the receiver at the goal
     unplaceable: set[int] = field(default_factory=set)
+    # stage -> time spent [s]; no part of a plan's bytes
     seconds: dict = field(default_factory=dict)
 
     @property

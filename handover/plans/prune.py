@@ -27,19 +27,12 @@ _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 
 @dataclass(frozen=True, eq=False)
 class ExecutableGrasps:
-    """The grasps of a set that an arm can execute, the most dexterous first.
+    """The grasps of a set that an arm can execute, the most dexterous first."""
 
-    Attributes:
-        grasp: (m,) which.
-        q: (m, dof) joints of arm and closed hand [rad or m].
-        dexterity: (m,) of the arm there.
-        refused: Why the others cannot -> how many.
-    """
-
-    grasp: np.ndarray
-    q: np.ndarray
-    dexterity: np.ndarray
-    refused: dict[str, int]
+    grasp: np.ndarray  # (m,) which
+    q: np.ndarray  # (m, dof) joints of arm and closed hand [rad or m]
+    dexterity: np.ndarray  # (m,) of the arm there
+    refused: dict[str, int]  # why the others cannot -> how many
 
     def __len__(self) -> int:
         return len(self.grasp)

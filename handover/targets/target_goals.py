@@ -20,20 +20,14 @@ NODE, EXACT = "node", "exact"
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A configuration that serves a target.
+    """A configuration that serves a target."""
 
-    Attributes:
-        key: The target's cell.
-        q: (dof,) configuration [rad or m].
-        kind: "node": a roadmap node near the target, attached already; "exact": found
-            by inverse kinematics.
-        node: Number of the node; -1: none.
-    """
-
-    key: int
-    q: np.ndarray
+    key: int  # the target's cell
+    q: np.ndarray  # (dof,) configuration [rad or m]
+    # "node": a roadmap node near the target, attached already; "exact": found by
+    # inverse kinematics
     kind: str
-    node: int = -1
+    node: int = -1  # number of the node; -1: none
 
 
 class TargetGoals:

@@ -62,19 +62,14 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class ArmLimits:
-    """What the arm may do.
+    """What the arm may do."""
 
-    Attributes:
-        arm: Its sizes.
-        home, lower, upper: (7,) start, and bounds of `ArmState.x` [m], [rad].
-        max_speed: No point of the surface advances faster than this [m/s].
-    """
-
-    arm: HumanArm
+    arm: HumanArm  # its sizes
+    # (7,) start, and bounds of `ArmState.x` [m], [rad]
     home: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    max_speed: float
+    max_speed: float  # no point of the surface advances faster than this [m/s]
 
     @classmethod
     def of(cls, person: Person) -> "ArmLimits":

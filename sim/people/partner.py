@@ -29,38 +29,26 @@ _AT = 0.004  # [rad] an arm is there
 
 @dataclass(frozen=True)
 class PartnerTraits:
-    """How somebody behaves, drawn for each run.
+    """How somebody behaves, drawn for each run."""
 
-    Attributes:
-        hand_speed: Peak of the hand's speed [m/s].
-        delay_s: From seeing that it is time to moving [s].
-        pull: Force of the pull [N]; 0: never pulls.
-        pull_ramp: How quickly it grows [N/s].
-        bump: Of the first touch [N], for 40 ms.
-        noise: Of the wrist's sensor, one sigma [N].
-        tremble: Amplitude of the joints' tremor [rad].
-        withdraws_at: Share of the reach at which the hand is drawn back once; 0: not.
-        withdrawn_s: For how long it stays back [s].
-        leaves_s: When the person walks off [s]; infinite: not.
-        drops_s: When somebody knocks the object out of the fingers [s]; infinite: not.
-        lets_go: "when held", "early" or "never", of what is given to the robot.
-        slack_s: A receiver stops pulling as the fingers begin to open, for so long [s].
-        pulls_early: Whether a receiver grabs the object while the robot still moves.
-    """
-
-    hand_speed: float = 0.7
-    delay_s: float = 0.4
-    pull: float = 10.0
-    pull_ramp: float = 25.0
-    bump: float = 25.0
-    noise: float = 0.4
-    tremble: float = 0.003
+    hand_speed: float = 0.7  # peak of the hand's speed [m/s]
+    delay_s: float = 0.4  # from seeing that it is time to moving [s]
+    pull: float = 10.0  # force of the pull [N]; 0: never pulls
+    pull_ramp: float = 25.0  # how quickly it grows [N/s]
+    bump: float = 25.0  # of the first touch [N], for 40 ms
+    noise: float = 0.4  # of the wrist's sensor, one sigma [N]
+    tremble: float = 0.003  # amplitude of the joints' tremor [rad]
+    # share of the reach at which the hand is drawn back once; 0: not
     withdraws_at: float = 0.0
-    withdrawn_s: float = 1.5
-    leaves_s: float = np.inf
+    withdrawn_s: float = 1.5  # for how long it stays back [s]
+    leaves_s: float = np.inf  # when the person walks off [s]; infinite: not
+    # when somebody knocks the object out of the fingers [s]; infinite: not
     drops_s: float = np.inf
+    # "when held", "early" or "never", of what is given to the robot
     lets_go: str = "when held"
+    # a receiver stops pulling as the fingers begin to open, for so long [s]
     slack_s: float = 0.0
+    # whether a receiver grabs the object while the robot still moves
     pulls_early: bool = False
 
     @classmethod

@@ -33,15 +33,10 @@ NEAR = 0.10  # what lies nearer to it than this leaves the person where it is [m
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """The spheres of a robot that waits.
+    """The spheres of a robot that waits."""
 
-    Attributes:
-        centers: (n, 3) of its moving links [m].
-        radii: (n,) [m].
-    """
-
-    centers: np.ndarray
-    radii: np.ndarray
+    centers: np.ndarray  # (n, 3) of its moving links [m]
+    radii: np.ndarray  # (n,) [m]
 
     def __post_init__(self) -> None:
         freeze(self, centers=float, radii=float)
@@ -68,20 +63,14 @@ class Stand:
     """An arm before a work place, seen in a frame turned about the base's z axis.
 
     In that frame the tool is at (r, 0, z) and the person looks along -x.
-
-    Attributes:
-        person: Whose arm it is, its shoulder in the turned frame.
-        p_tool: (x, y, z) of the tool in the turned frame [m].
-        yaw: Angle of the turned frame in the robot's base [rad].
-        cover: The robot that stands there; None where it is not known.
-        home: The hand rests so far outward from the tool [m].
     """
 
-    person: Person
-    p_tool: tuple[float, float, float]
-    yaw: float
+    person: Person  # whose arm it is, its shoulder in the turned frame
+    p_tool: tuple[float, float, float]  # (x, y, z) of the tool in the turned frame [m]
+    yaw: float  # angle of the turned frame in the robot's base [rad]
+    # the robot that stands there; None where it is not known
     cover: Cover | None = None
-    home: float = HOME
+    home: float = HOME  # the hand rests so far outward from the tool [m]
 
     @classmethod
     def before(
@@ -134,17 +123,11 @@ class Stand:
 
 @dataclass(frozen=True)
 class Cue:
-    """One move of a hand.
+    """One move of a hand."""
 
-    Attributes:
-        outward: How far from the tool it ends [m].
-        speed: Its peak [m/s].
-        rest: Time to stay there [s].
-    """
-
-    outward: float
-    speed: float
-    rest: float
+    outward: float  # how far from the tool it ends [m]
+    speed: float  # its peak [m/s]
+    rest: float  # time to stay there [s]
 
 
 def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:

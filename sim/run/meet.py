@@ -75,22 +75,15 @@ LIVE = LiveSettings(
 
 @dataclass(frozen=True, eq=False)
 class MeetSetup:
-    """What a run needs besides the person.
+    """What a run needs besides the person."""
 
-    Attributes:
-        cell_map, reach: The robot's map and its reach map.
-        obj: What it holds.
-        index: Nodes by pose of the tool.
-        rest: (dof,) where it begins and waits.
-        scene: File of what else stands around; None: nothing.
-    """
-
+    # the robot's map and its reach map
     cell_map: CellMap
     reach: ReachMap
-    obj: HeldObject
-    index: NodeIndex
-    rest: np.ndarray
-    scene: Path | None = None
+    obj: HeldObject  # what it holds
+    index: NodeIndex  # nodes by pose of the tool
+    rest: np.ndarray  # (dof,) where it begins and waits
+    scene: Path | None = None  # file of what else stands around; None: nothing
 
     def planner(self) -> ReactivePlanner:
         """Return a planner of the map that knows the scene."""

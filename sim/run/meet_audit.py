@@ -21,23 +21,15 @@ _SAME = 1e-6  # qualities that differ by less are one
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found in one frame.
+    """What was found in one frame."""
 
-    Attributes:
-        time_s: Of the frame [s].
-        pursued: Cell of the target pursued, None: none.
-        quality: Its quality by the audit's own workspace; 0: it is none.
-        top: Cell of the best target that can be reached, None: none of `RANKED`.
-        top_quality: Its quality.
-        rank: How many better ones were tried and cannot be reached.
-    """
-
-    time_s: float
-    pursued: int | None
-    quality: float
+    time_s: float  # of the frame [s]
+    pursued: int | None  # cell of the target pursued, None: none
+    quality: float  # its quality by the audit's own workspace; 0: it is none
+    # cell of the best target that can be reached, None: none of `RANKED`
     top: int | None
-    top_quality: float
-    rank: int
+    top_quality: float  # its quality
+    rank: int  # how many better ones were tried and cannot be reached
 
 
 class TargetAudit:
