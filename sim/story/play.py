@@ -323,11 +323,10 @@ class StoryPlay:
         self._stood = stands
         result.path_changes += moment.status == "replanned"
         self._note_limits(moment)
-        handed = table.RELEASE if self.case.direction == "give" else table.CLOSE
         if result.handed_s is None and self.index:
             last = story.events[-1] if story.events else None
             passed = last is not None and last.state == table.RETREAT
-            if passed and last.signal in ("open", "free") and handed:
+            if passed and last.signal in ("open", "free"):
                 result.handed_s = last.time_s
         if story.ended and result.ended_s is None:
             result.ended_s = moment.now

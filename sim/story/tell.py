@@ -19,7 +19,7 @@ from sim.loop.run_result import percentiles
 from sim.people.mocap import MocapSettings, load_mocap
 from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
-from sim.record import RunRecord, write_record
+from sim.record import RunRecord, saved, write_record
 from sim.story.cases import (
     PLACE_XY,
     StoryCase,
@@ -77,7 +77,10 @@ def tell_story(
     with Bars("playing the hand-over"):
         rehearse(setup)
     told_to = request.port, request.host, request.token, live is None
-    with StoryPage(run, *told_to) if request.view else nullcontext() as page:
+    with (
+        saved(recorder, request.record, at_end=False),
+        StoryPage(run, *told_to) if request.view else nullcontext() as page,
+    ):
 
         def hear(moment: StoryMoment) -> None:
             recorder.add(moment)
