@@ -16,7 +16,7 @@ from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import TOUCHED
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
-from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.kinematics.forward import cover_balls, sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
 from sim.loop.warmup import exercise
@@ -297,10 +297,7 @@ class StoryPlay:
     def _separation(self, q: np.ndarray, capsules: np.ndarray) -> float:
         """Return the distance of robot and person: exact where they are near [m]."""
         robot = self.planner.robot
-        centers, radii = sphere_centers(robot, q), robot.spheres[:, 3]
-        moving = robot.moving
-        balls = np.column_stack([centers, radii])[moving]
-        gap = float(ball_gaps(balls, capsules).min())
+        gap = float(ball_gaps(cover_balls(robot, q)[robot.moving], capsules).min())
         return self._audit(q, capsules) if gap < _EXACT else gap
 
     def _note(self, moment: StoryMoment) -> None:
