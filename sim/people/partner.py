@@ -23,6 +23,7 @@ _BACKS = (0.30, 0.20, 0.15)  # [m] ... and waits there
 _LOOKED_AT = 40  # grasps that are looked at in one attempt, nearest first
 _KEEPS = 0.0  # [m] from the cover, which is 2 cm thicker than the robot
 _CLEARS = 0.03  # [m] of what was given to the robot, where the arm comes to rest
+_PULLS_AFTER = 0.3  # [s] from the first touch to the pull
 _STILL = 0.002  # [m] between two looks
 _AT = 0.004  # [rad] an arm is there
 
@@ -50,6 +51,10 @@ class PartnerTraits:
     slack_s: float = 0.0
     # whether a receiver grabs the object while the robot still moves
     pulls_early: bool = False
+
+    def pull_after(self, held_s: float) -> float:
+        """Return how hard the object is pulled [N] so long after it was touched [s]."""
+        return min(self.pull, max(0.0, (held_s - _PULLS_AFTER) * self.pull_ramp))
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "PartnerTraits":
@@ -214,8 +219,7 @@ class Partner:
         t = self.traits
         if t.slack_s and fingers == "open" and self._slack_from == np.inf:
             self._slack_from = now
-        passed = now - self._touched
-        self.pull = min(t.pull, max(0.0, (passed - 0.3) * t.pull_ramp))
+        self.pull = t.pull_after(now - self._touched)
         if self._slack_from <= now < self._slack_from + t.slack_s:
             self.pull = 0.0
 
@@ -454,6 +458,5 @@ class RecordedPartner:
         if self.holds and held:
             T = self.human.T_world_hand(self.side)
             self._T_hand_object = np.linalg.inv(T) @ T_object
-            grown = (now - self.bump_at - 0.3) * self.traits.pull_ramp
-            self.pull = min(self.traits.pull, max(0.0, grown))
+            self.pull = self.traits.pull_after(now - self.bump_at)
         return self.human

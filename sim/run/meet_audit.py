@@ -8,10 +8,8 @@ from handover import Human
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.live_targets import with_arm_at_rest
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_goals import TargetGoals
+from handover.targets.target_goals import TargetGoals, goal_trouble
 from odm import CellMap, Obstacles, ReactivePlanner
-from odm.frame.freedom import check_valid
-from roadmap.errors import BadConfiguration
 
 RANKED = 20  # targets that are tried, best first
 _ATTEMPTS, _STEPS = 8, 100  # of the inverse kinematics, for each
@@ -108,13 +106,8 @@ class TargetAudit:
             position_tolerance=1e-4,
             rotation_tolerance=1e-3,
         )
-        good = []
-        for one in found:
-            try:
-                check_valid(self.planner.static, one.q, "it")
-            except BadConfiguration:
-                continue
-            good.append(one.q)
+        static = self.planner.static
+        good = [one.q for one in found if goal_trouble(static, one.q) is None]
         return good[:_GOALS]
 
 
