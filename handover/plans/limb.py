@@ -28,19 +28,12 @@ _SIDES = 12  # of the prism round a cylinder without round ends
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A convex part of a link: points, thickened by a radius.
-
-    Attributes:
-        link: Its link.
-        body: The body that it is on.
-        points: (n, 3) in the body's frame [m].
-        radius: Round each point [m].
-    """
+    """A convex part of a link: points, thickened by a radius."""
 
     link: str
-    body: int
-    points: np.ndarray
-    radius: float
+    body: int  # the body that it is on
+    points: np.ndarray  # (n, 3) in the body's frame [m]
+    radius: float  # round each point [m]
 
 
 @dataclass(frozen=True, eq=False)

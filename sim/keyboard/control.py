@@ -42,19 +42,12 @@ class KeyEvent:
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """Where the arm is and where it is going.
+    """Where the arm is and where it is going."""
 
-    Attributes:
-        x: (7,) p_base_shoulder [m]; flexion, abduction, rotation, elbow [rad].
-        v: (7,) its rate, per second.
-        target: (7,) where it is going.
-        size: Index into `NUDGES`.
-    """
-
-    x: np.ndarray
-    v: np.ndarray
-    target: np.ndarray
-    size: int = 2
+    x: np.ndarray  # (7,) p_base_shoulder [m]; flexion, abduction, rotation, elbow [rad]
+    v: np.ndarray  # (7,) its rate, per second
+    target: np.ndarray  # (7,) where it is going
+    size: int = 2  # index into `NUDGES`
 
     def __post_init__(self) -> None:
         freeze(self, x=float, v=float, target=float)

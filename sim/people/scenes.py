@@ -174,17 +174,11 @@ SCENES = {"hold": hold, "backoff": backoff, "escape": escape}
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One of `SCENES`; a HumanMotion, played where `before` puts it.
-
-    Attributes:
-        name: Its name.
-        person: Sizes and speed limit of the arms; where they stand follows.
-        arms: The arms, for work places of a table in front of the robot.
-    """
+    """One of `SCENES`; a HumanMotion, played where `before` puts it."""
 
     name: str
-    person: Person
-    arms: Together
+    person: Person  # sizes and speed limit of the arms; where they stand follows
+    arms: Together  # the arms, for work places of a table in front of the robot
     film_s = 12.0  # the first so many seconds show it [s]
 
     @property
