@@ -7,8 +7,7 @@ import numpy as np
 
 import odm
 from roadmap import tool_pose
-from roadmap.kinematics.forward import sphere_centers
-from sim.draw.silhouette import balls_silhouette
+from sim.draw.silhouette import cover_silhouette
 from sim.draw.style import (
     AMBER,
     BODY,
@@ -60,7 +59,7 @@ def draw_cells(axis: object, cell_map: odm.CellMap, cells: np.ndarray, colour: s
 def draw_robot(axis: object, cell_map: odm.CellMap, q: np.ndarray) -> None:
     """Draw the outline of the robot's cover."""
     robot = cell_map.robot
-    balls_silhouette(sphere_centers(robot, q), robot.spheres[:, 3]).draw(axis, PLANE)
+    cover_silhouette(robot, q).draw(axis, PLANE)
 
 
 def draw_edges(axis: object, cell_map: odm.CellMap, edges: object, **style: object):

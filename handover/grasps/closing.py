@@ -17,16 +17,12 @@ _LONGEST = 0.05  # [m] edge of a triangle
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """An object ready for the kernels; see `target_of`.
+    """An object ready for the kernels; see `target_of`."""
 
-    Attributes:
-        mesh: All its triangles, those that parts hide of each other too: nobody who
-            stands outside is nearer to these than to the union's surface.
-        parts: Triangles (m, 3, 3) of each closed part [m].
-    """
-
+    # all its triangles, those that parts hide of each other too: nobody who stands
+    # outside is nearer to these than to the union's surface
     mesh: kernels.MeshArrays
-    parts: tuple[np.ndarray, ...]
+    parts: tuple[np.ndarray, ...]  # triangles (m, 3, 3) of each closed part [m]
 
 
 def target_of(thing: GraspObject) -> Target:

@@ -183,10 +183,3 @@ def solvable_poses(arm, poses, work, q, answer):
     """Write `is_solvable` of every row of poses (n, 12) to answer (n,)."""
     for i in range(poses.shape[0]):
         answer[i] = is_solvable(arm, poses[i], work, q)
-
-
-@njit(**BARE)
-def solve_poses(arm, poses, step, work, q, swivels, counts):
-    """Solve every row of poses (n, 12); counts (n, 2) as `solve_arm` returns them."""
-    for i in range(poses.shape[0]):
-        counts[i, 0], counts[i, 1] = solve_arm(arm, poses[i], step, work, q, swivels)

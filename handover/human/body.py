@@ -54,25 +54,19 @@ LEG_LABELS = frozen(np.repeat([Part.LEFT_LEG, Part.RIGHT_LEG], 3), np.int64)
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Thickness of the parts, and the lengths that joints alone do not tell.
+    """Thickness of the parts, and the lengths that joints alone do not tell."""
 
-    Attributes:
-        hand, forearm, upper_arm, torso, shoulders, head: Radii [m].
-        hand_length: Wrist to finger tips of a straight hand [m].
-        crown: Base of the neck to the top of the head [m].
-        trunk: Hip to base of the neck [m], used where no hip is known.
-        thigh, shank, foot: Radii [m].
-    """
-
+    # radii [m]
     hand: float
     forearm: float
     upper_arm: float
     torso: float
     shoulders: float
     head: float
-    hand_length: float
-    crown: float
-    trunk: float
+    hand_length: float  # wrist to finger tips of a straight hand [m]
+    crown: float  # base of the neck to the top of the head [m]
+    trunk: float  # hip to base of the neck [m], used where no hip is known
+    # radii [m]
     thigh: float = RADII["conservative"][6]
     shank: float = RADII["conservative"][7]
     foot: float = RADII["conservative"][8]

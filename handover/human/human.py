@@ -36,7 +36,7 @@ from handover.human.human_arm import (
 from handover.human.postures import Posture, floor_pose, leg_places, posture_named
 from handover.human.skeleton import Skeleton
 from odm.obstacles.obstacles import Obstacles
-from odm.obstacles.surfaces import Surface, sample_capsules
+from odm.obstacles.surfaces import sample_capsules
 from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import moved_rods
@@ -108,7 +108,7 @@ class Human:
     @cached_property
     def places(self) -> np.ndarray:
         """(11, 3) places of the joints [m]; most people of a frame are asked none."""
-        return frozen(self._places(), np.float64)
+        return frozen(self._places_with(self.arms), np.float64)
 
     @property
     def sizes(self) -> BodySizes:
@@ -265,20 +265,8 @@ class Human:
             T_world_base: As in `surface_points`.
         """
         rods = _seen_from(T_world_base, self.capsules())
-        return Obstacles(capsules=rods, labels={"capsules": self._names()})
-
-    def surface_parts(
-        self, spacing: float = 0.03, T_world_base: np.ndarray | None = None
-    ) -> list[Surface]:
-        """Return one closed, labelled `Surface` per capsule; see `surface_points`."""
-        rods = _seen_from(T_world_base, self.capsules())
-        return [
-            Surface(sample_capsules(rod[None], spacing), spacing, name, closed=True)
-            for rod, name in zip(rods, self._names(), strict=True)
-        ]
-
-    def _names(self) -> list[str]:
-        return [Part(label).words for label in self.labels]
+        names = [Part(label).words for label in self.labels]
+        return Obstacles(capsules=rods, labels={"capsules": names})
 
     def _floor_height(self, factor: float) -> float:
         skeleton, posture = self.skeleton.scaled(factor), posture_named(self.posture)
@@ -289,9 +277,6 @@ class Human:
         T[:3, 3] += self.skeleton.trunk * T[:3, 2]
         T[:3, :3] = T[:3, :3] @ rotation_rpy(*self.bend)
         return T
-
-    def _places(self) -> np.ndarray:
-        return self._places_with(self.arms)
 
     def _places_with(self, joints: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return (11, 3) places of the joints for arms bent otherwise [m]."""

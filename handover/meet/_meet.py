@@ -27,61 +27,38 @@ NUDGE = (0.36e-4, 0.48e-4, 0.8e-4)
 
 
 class Person(NamedTuple):
-    """The person at one moment.
+    """The person at one moment."""
 
-    Attributes:
-        state: (68,) and settings (19,): see `handover/meet/_quality.py`.
-        rods: (m, 7) own body and surroundings [m].
-        settings: (19,).
-        dexterity: (n_positions, n_rotations) uint8 of the person's reach map.
-        box: (9,) of that map: lower corner, cell [m], numbers of cells, 1 / cell, and
-            by how many cells `most` is larger on every side.
-        ceiling: (n_positions,) uint8: the largest dexterity of each position.
-        most: (nx, ny, nz) uint8: the largest dexterity near a position of the tool.
-        scales: (4,) share of q_online, swivel step, least and largest distance of the
-            wrist [m].
-    """
-
-    state: np.ndarray
-    rods: np.ndarray
-    settings: np.ndarray
-    dexterity: np.ndarray
+    state: np.ndarray  # (68,) see `handover/meet/_quality.py`; so the settings
+    rods: np.ndarray  # (m, 7) own body and surroundings [m]
+    settings: np.ndarray  # (19,)
+    dexterity: np.ndarray  # (n_positions, n_rotations) uint8 of the person's reach map
+    # (9,) of that map: lower corner, cell [m], numbers of cells, 1 / cell, and by how
+    # many cells `most` is larger on every side
     box: np.ndarray
-    ceiling: np.ndarray
+    ceiling: np.ndarray  # (n_positions,) uint8: the largest dexterity of each position
+    # (nx, ny, nz) uint8: the largest dexterity near a position of the tool
     most: np.ndarray
+    # (4,) share of q_online, swivel step, least and largest distance of the wrist [m]
     scales: np.ndarray
 
 
 class Hands(NamedTuple):
-    """Hands by rotation cell of the robot and grasp.
+    """Hands by rotation cell of the robot and grasp."""
 
-    Attributes:
-        pose: (r, g, 12) rotation, and offset of the grip from the tool [m].
-        wrist: (r, g, 3) offset of the wrist from the tool [m].
-        cell: (r, g) rotation cell in the person's reach map.
-        far: (2,) largest distance of a wrist and of a grip from the tool [m].
-        same: (g,) whether a grasp has its grip where the one before it has.
-    """
-
-    pose: np.ndarray
-    wrist: np.ndarray
-    cell: np.ndarray
-    far: np.ndarray
-    same: np.ndarray
+    pose: np.ndarray  # (r, g, 12) rotation, and offset of the grip from the tool [m]
+    wrist: np.ndarray  # (r, g, 3) offset of the wrist from the tool [m]
+    cell: np.ndarray  # (r, g) rotation cell in the person's reach map
+    far: np.ndarray  # (2,) largest distance of a wrist and of a grip from the tool [m]
+    same: np.ndarray  # (g,) whether a grasp has its grip where the one before it has
 
 
 class Cells(NamedTuple):
-    """The robot's cells.
+    """The robot's cells."""
 
-    Attributes:
-        points: (p, 3) centres of the position cells [m].
-        first: (p + 1,) first entry of each.
-        rotation: (n,) rotation cell of each entry.
-    """
-
-    points: np.ndarray
-    first: np.ndarray
-    rotation: np.ndarray
+    points: np.ndarray  # (p, 3) centres of the position cells [m]
+    first: np.ndarray  # (p + 1,) first entry of each
+    rotation: np.ndarray  # (n,) rotation cell of each entry
 
 
 class Scene(NamedTuple):
@@ -93,55 +70,32 @@ class Scene(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """One hand on the tool at one place.
+    """One hand on the tool at one place."""
 
-    Attributes:
-        rotation: Rotation cell of the tool.
-        grasp: Number of the grasp.
-        x: Place of the tool [m].
-        y: The same.
-        z: The same.
-    """
-
-    rotation: int
-    grasp: int
-    x: float
+    rotation: int  # rotation cell of the tool
+    grasp: int  # number of the grasp
+    x: float  # place of the tool [m], as are the next two
     y: float
     z: float
 
 
 class Described(NamedTuple):
-    """What a user wants to know of n entries.
+    """What a user wants to know of n entries."""
 
-    Attributes:
-        joints: (n, 7) of the person's arm [rad].
-        parts: (n, 5) qualities.
-        numbers: (n, 3) q_total, q_online, dexterity.
-    """
-
-    joints: np.ndarray
-    parts: np.ndarray
-    numbers: np.ndarray
+    joints: np.ndarray  # (n, 7) of the person's arm [rad]
+    parts: np.ndarray  # (n, 5) qualities
+    numbers: np.ndarray  # (n, 3) q_total, q_online, dexterity
 
 
 class Scratch(NamedTuple):
-    """Working memory.
+    """Working memory."""
 
-    Attributes:
-        work: (78, 3) of `_arm_ik.py`.
-        parts: (5,) qualities.
-        q: (7,) joints.
-        best: (7,) the best joints.
-        pose: (12,) a hand.
-        counts: (4,) int64 what a search did.
-    """
-
-    work: np.ndarray
-    parts: np.ndarray
-    q: np.ndarray
-    best: np.ndarray
-    pose: np.ndarray
-    counts: np.ndarray
+    work: np.ndarray  # (78, 3) of `_arm_ik.py`
+    parts: np.ndarray  # (5,) qualities
+    q: np.ndarray  # (7,) joints
+    best: np.ndarray  # (7,) the best joints
+    pose: np.ndarray  # (12,) a hand
+    counts: np.ndarray  # (4,) int64 what a search did
 
 
 @njit(**FULL)

@@ -53,25 +53,16 @@ LOOSE_BYTE = 1e-3  # that bytes asked for are lowered by, for rounding
 
 
 class Bounds(NamedTuple):
-    """Bounds, and what they are made of.
+    """Bounds, and what they are made of."""
 
-    Attributes:
-        online: (p,) of q_online by position of the tool, times its share.
-        whole: (p,) of q_total by position.
-        place_online: (m,) the same by cell of the person's map that holds the grip.
-        place: (m,) of q_total by that cell.
-        now: (13,) see `now_turn`.
-        spin: (r, g) angle that the hand has to turn by [rad].
-        lack: (r, g) bytes of dexterity that the joint travel for it is worth.
-    """
-
-    online: np.ndarray
-    whole: np.ndarray
+    online: np.ndarray  # (p,) of q_online by position of the tool, times its share
+    whole: np.ndarray  # (p,) of q_total by position
+    # (m,) the same by cell of the person's map that holds the grip
     place_online: np.ndarray
-    place: np.ndarray
-    now: np.ndarray
-    spin: np.ndarray
-    lack: np.ndarray
+    place: np.ndarray  # (m,) of q_total by that cell
+    now: np.ndarray  # (13,) see `now_turn`
+    spin: np.ndarray  # (r, g) angle that the hand has to turn by [rad]
+    lack: np.ndarray  # (r, g) bytes of dexterity that the joint travel for it is worth
 
 
 @njit(**BARE_INNER)

@@ -128,23 +128,14 @@ def online_sum(settings, parts):
 
 
 class PoseTerms(NamedTuple):
-    """What all swivel angles of one hand pose have in common.
+    """What all swivel angles of one hand pose have in common."""
 
-    Attributes:
-        shares: Sum of the weights in use.
-        rest: Share of the dexterity in q_total.
-        effort: Upper bound of the quality of effort.
-        safety: Quality of safety of the grip.
-        forearm: Whether the line from elbow to wrist can still spoil it.
-        wrist: Place (3) of the wrist [m].
-    """
-
-    shares: float
-    rest: float
-    effort: float
-    safety: float
-    forearm: bool
-    wrist: tuple[float, float, float]
+    shares: float  # sum of the weights in use
+    rest: float  # share of the dexterity in q_total
+    effort: float  # upper bound of the quality of effort
+    safety: float  # quality of safety of the grip
+    forearm: bool  # whether the line from elbow to wrist can still spoil it
+    wrist: tuple[float, float, float]  # place (3) of the wrist [m]
 
 
 @njit(**WITHIN_INNER)

@@ -46,21 +46,13 @@ class Top(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What a search needs.
+    """What a search needs."""
 
-    Attributes:
-        scene: Person, hands and cells.
-        entries: Keys, and which are removed; nothing is seen before and after.
-        bounds: The bounds by place are filled in, the rest is working memory.
-        top: Written; its size is k.
-        scratch: Working memory; its counts grow.
-    """
-
-    scene: Scene
-    entries: Entries
-    bounds: Bounds
-    top: Top
-    scratch: Scratch
+    scene: Scene  # person, hands and cells
+    entries: Entries  # keys, and which are removed; nothing is seen before and after
+    bounds: Bounds  # the bounds by place are filled in, the rest is working memory
+    top: Top  # written; its size is k
+    scratch: Scratch  # working memory; its counts grow
 
 
 @njit(**BARE_INNER)

@@ -17,21 +17,14 @@ DEXTERITY, COMBINED, ONLINE, TOTAL, COLUMNS = 5, 6, 7, 8, 9
 
 
 class PlaceArm(NamedTuple):
-    """The arm whose hand is placed.
+    """The arm whose hand is placed."""
 
-    Attributes:
-        state: (68,) of `_quality.py`, and so the next two.
-        obstacles: (m, 7) capsules.
-        settings: (19,).
-        chain: `ChainArrays` of the same arm.
-        shares: (3,) of q_online in q_total; the dexterity that is 1; largest swivel
-            between representatives [rad].
-    """
-
-    state: np.ndarray
-    obstacles: np.ndarray
-    settings: np.ndarray
-    chain: ChainArrays
+    state: np.ndarray  # (68,) of `_quality.py`, and so the next two
+    obstacles: np.ndarray  # (m, 7) capsules
+    settings: np.ndarray  # (19,)
+    chain: ChainArrays  # of the same arm
+    # (3,) of q_online in q_total; the dexterity that is 1; largest swivel between
+    # representatives [rad]
     shares: np.ndarray
 
 

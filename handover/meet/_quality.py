@@ -56,13 +56,6 @@ def quality_of(state, obstacles, settings, q, parts):
     return total / shares
 
 
-@njit(**BARE)
-def qualities_of(state, obstacles, settings, joints, parts, online):
-    """Write `quality_of` of every row of joints (n, 7) to parts (n, 5), online (n,)."""
-    for i in range(joints.shape[0]):
-        online[i] = quality_of(state, obstacles, settings, joints[i], parts[i])
-
-
 @njit(**BARE_INNER)
 def joint_cost(state, settings, q):
     """Return the sum of alpha (q_now - q)^2 [rad^2], eq. (1)."""

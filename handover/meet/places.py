@@ -29,21 +29,15 @@ _CHUNK = 64  # places between two looks at the progress
 
 @dataclass(frozen=True, eq=False)
 class PlaceQualities:
-    """The best of a hand at n places, over all its rotations and elbows.
+    """The best of a hand at n places, over all its rotations and elbows."""
 
-    Attributes:
-        points: (n, 3) places of the grip, world frame [m].
-        best: Name -> (n,) in [0, 1], NaN where the hand cannot be: the five parts of
-            the quality, each for itself; "dexterity" (1: the arm's best); "combined"
-            (half dexterity, half effort, of one posture); "online" (eq. 4); "total".
-        q: (n, 7) joints of the best total [rad]; NaN where the hand cannot be.
-        reached: (n,) share of the rotations in which the hand can be there.
-    """
-
-    points: np.ndarray
+    points: np.ndarray  # (n, 3) places of the grip, world frame [m]
+    # name -> (n,) in [0, 1], NaN where the hand cannot be: the five parts of the
+    # quality, each for itself; "dexterity" (1: the arm's best); "combined" (half
+    # dexterity, half effort, of one posture); "online" (eq. 4); "total"
     best: dict[str, np.ndarray]
-    q: np.ndarray
-    reached: np.ndarray
+    q: np.ndarray  # (n, 7) joints of the best total [rad]; NaN where the hand cannot be
+    reached: np.ndarray  # (n,) share of the rotations in which the hand can be there
 
     def __post_init__(self) -> None:
         freeze(self, points=float, q=float, reached=float)

@@ -8,7 +8,7 @@ reduced set holds none, it is widened step by step; each tuple says which step i
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from itertools import count
+from itertools import count, islice
 
 import numpy as np
 
@@ -28,59 +28,46 @@ class HandoverChoice:
     """One way to hand over: arms, grasps, pose and joints of both agents.
 
     The paper calls it a tuple of H.
-
-    Attributes:
-        arm, arm_receiver: Sides of the arms of giver and receiver.
-        grasp_giver, grasp_receiver: Numbers in the sets.
-        T_world_handover: (4, 4) the object then [m].
-        q_start, q_giver: (dof,) giver's arm and hand at the start and then.
-        q_receiver, q_goal: (dof,) receiver's then and at the goal.
-        dexterity: The receiver's at the goal: what is selected by.
-        dexterity_giver: The giver's at the hand-over: what decides among equals.
-        step: Which step of the search found it.
     """
 
+    # sides of the arms of giver and receiver
     arm: str
     arm_receiver: str
+    # numbers in the sets
     grasp_giver: int
     grasp_receiver: int
-    T_world_handover: np.ndarray
+    T_world_handover: np.ndarray  # (4, 4) the object then [m]
+    # (dof,) giver's arm and hand at the start and then
     q_start: np.ndarray
     q_giver: np.ndarray
+    # (dof,) receiver's then and at the goal
     q_receiver: np.ndarray
     q_goal: np.ndarray
-    dexterity: float
-    dexterity_giver: float
-    step: str
+    dexterity: float  # the receiver's at the goal: what is selected by
+    dexterity_giver: float  # the giver's at the hand-over: what decides among equals
+    step: str  # which step of the search found it
 
 
 @dataclass(eq=False)
 class Report:
-    """What was pruned where, and why.
+    """What was pruned where, and why."""
 
-    Attributes:
-        arm: Why the giver's arm was chosen.
-        looked: Where -> the grasps looked at there, tested as far as was needed.
-        poses: Hand-over poses looked at, and those that the receiver can take.
-        tuples: Tuples of H that were found.
-        step: Which step of the search found the plan's tuple.
-        failed: Motions that were not found, one line for each tuple tried.
-        refused: These tuples.
-        unpickable: Grasps of the giver that it cannot come to, or lift, at the start,
-            whatever follows: no more tuples are made of them.
-        unplaceable: The same of the receiver at the goal.
-        seconds: Stage -> time spent [s]; no part of a plan's bytes.
-    """
-
-    arm: str = ""
+    arm: str = ""  # why the giver's arm was chosen
+    # where -> the grasps looked at there, tested as far as was needed
     looked: dict[str, LazyGrasps] = field(default_factory=dict)
+    # hand-over poses looked at, and those that the receiver can take
     poses: list = field(default_factory=lambda: [0, 0])
-    tuples: int = 0
-    step: str = ""
+    tuples: int = 0  # tuples of H that were found
+    step: str = ""  # which step of the search found the plan's tuple
+    # motions that were not found, one line for each tuple tried
     failed: list = field(default_factory=list)
-    refused: list[HandoverChoice] = field(default_factory=list)
+    refused: list[HandoverChoice] = field(default_factory=list)  # these tuples
+    # grasps of the giver that it cannot come to, or lift, at the start, whatever
+    # follows: no more tuples are made of them
     unpickable: set[int] = field(default_factory=set)
+    # the same of the receiver at the goal
     unplaceable: set[int] = field(default_factory=set)
+    # stage -> time spent [s]; no part of a plan's bytes
     seconds: dict = field(default_factory=dict)
 
     @property
@@ -167,9 +154,10 @@ def tuples(
     }
     stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
     every = np.arange(len(pair.of_receiver))
-    goals = _Once(taking.look(scene.T_world_goal, every, stand))
-    report.looked[f"receiver {sides[1]}, goal"] = goals.looked
-    if goals.at(0) is None:
+    looked = taking.look(scene.T_world_goal, every, stand)
+    report.looked[f"receiver {sides[1]}, goal"] = looked
+    goals = Kept(iter(looked))
+    if not goals.first(1):
         return
     stand = partial(_stand, giver, waits["receiver"], scene.T_world_start)
     every = np.arange(len(pair.of_giver))
@@ -204,27 +192,26 @@ def tuples(
                     )  # fmt: skip
 
 
-class _Once:
-    """The free grasps of a `LazyGrasps`, in order, each made once and kept."""
+class Kept:
+    """What an iterator yields, made as it is asked for; it can be gone through again.
 
-    def __init__(self, looked: LazyGrasps) -> None:
-        self.looked, self._rest, self._found = looked, iter(looked), []
+    Args:
+        every: The iterator; what it raises is raised where the next one is asked for.
+    """
 
-    def at(self, k: int) -> tuple[int, np.ndarray, float] | None:
-        """Return (grasp, joints, dexterity) of the k-th one, None: there is none."""
-        while len(self._found) <= k:
-            more = next(self._rest, None)
-            if more is None:
-                return None
-            self._found.append(more)
-        return self._found[k]
+    def __init__(self, every: Iterator) -> None:
+        self._rest, self._found = every, []
 
-    def __iter__(self) -> Iterator[tuple[int, np.ndarray, float]]:
+    def first(self, n: int) -> list:
+        """Return n of them, or all that there are."""
+        self._found += islice(self._rest, max(0, n - len(self._found)))
+        return self._found[:n]
+
+    def __iter__(self) -> Iterator:
         for k in count():
-            one = self.at(k)
-            if one is None:
+            if len(self.first(k + 1)) <= k:
                 return
-            yield one
+            yield self._found[k]
 
 
 def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:

@@ -28,36 +28,22 @@ _SIDES = 12  # of the prism round a cylinder without round ends
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A convex part of a link: points, thickened by a radius.
-
-    Attributes:
-        link: Its link.
-        body: The body that it is on.
-        points: (n, 3) in the body's frame [m].
-        radius: Round each point [m].
-    """
+    """A convex part of a link: points, thickened by a radius."""
 
     link: str
-    body: int
-    points: np.ndarray
-    radius: float
+    body: int  # the body that it is on
+    points: np.ndarray  # (n, 3) in the body's frame [m]
+    radius: float  # round each point [m]
 
 
 @dataclass(frozen=True, eq=False)
 class AgentModel:
-    """A whole agent: every joint moves.
+    """A whole agent: every joint moves."""
 
-    Attributes:
-        description: Its URDF.
-        tree: Its bodies, for all driving joints.
-        parts: All its convex parts.
-        neighbours: Pairs of links joined by a joint.
-    """
-
-    description: Description
-    tree: BodyTree
-    parts: tuple[Part, ...]
-    neighbours: frozenset[frozenset[str]]
+    description: Description  # its URDF
+    tree: BodyTree  # its bodies, for all driving joints
+    parts: tuple[Part, ...]  # all its convex parts
+    neighbours: frozenset[frozenset[str]]  # pairs of links joined by a joint
 
     def frames(self, values: dict[str, float]) -> np.ndarray:
         """Return (n_bodies, 12) poses in the base frame, joints at `values`."""
@@ -69,51 +55,35 @@ class AgentModel:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """One arm of an agent with its hand; body 0 is what it is mounted on.
+    """One arm of an agent with its hand; body 0 is what it is mounted on."""
 
-    Attributes:
-        side: "left" or "right".
-        model: The agent.
-        joints: (dof,) names, those of the arm first, then those of the hand.
-        n_arm: How many are the arm's.
-        lower, upper: (dof,) limits [rad or m].
-        max_velocity, max_acceleration, max_jerk: (dof,).
-        tree_i, tree_f: Its bodies, frame of body 0.
-        mount: Body of the agent that it hangs on.
-        parts: Its convex parts, those of the arm first.
-        groups: (link or "hand", first part, end) of each group, the hand last.
-        reach: (n parts, dof) how far a unit of each joint moves a part [m].
-        palm_reach: (dof,) the same of the palm's origin.
-        palm: Body of the palm.
-        T_body_palm: (4, 4).
-        chain: The arm, from body 0 to the palm.
-        seven: The same in closed form, or None.
-        spec: The hand.
-        own: The agent's bodies that it is made of.
-    """
-
-    side: str
-    model: AgentModel
+    side: str  # "left" or "right"
+    model: AgentModel  # the agent
+    # (dof,) names, those of the arm first, then those of the hand
     joints: tuple[str, ...]
-    n_arm: int
+    n_arm: int  # how many are the arm's
+    # (dof,) limits [rad or m]
     lower: np.ndarray
     upper: np.ndarray
+    # (dof,)
     max_velocity: np.ndarray
     max_acceleration: np.ndarray
     max_jerk: np.ndarray
+    # its bodies, frame of body 0
     tree_i: np.ndarray
     tree_f: np.ndarray
-    mount: int
-    parts: tuple[Part, ...]
+    mount: int  # body of the agent that it hangs on
+    parts: tuple[Part, ...]  # its convex parts, those of the arm first
+    # (link or "hand", first part, end) of each group, the hand last
     groups: tuple[tuple[str, int, int], ...]
-    reach: np.ndarray
-    palm_reach: np.ndarray
-    palm: int
-    T_body_palm: np.ndarray
-    chain: Chain
-    seven: _seven.Seven | None
-    spec: HandSpec
-    own: frozenset[int]
+    reach: np.ndarray  # (n parts, dof) how far a unit of each joint moves a part [m]
+    palm_reach: np.ndarray  # (dof,) the same of the palm's origin
+    palm: int  # body of the palm
+    T_body_palm: np.ndarray  # (4, 4)
+    chain: Chain  # the arm, from body 0 to the palm
+    seven: _seven.Seven | None  # the same in closed form, or None
+    spec: HandSpec  # the hand
+    own: frozenset[int]  # the agent's bodies that it is made of
 
     @property
     def dof(self) -> int:
@@ -123,13 +93,6 @@ class Limb:
     def palm_pose(self, q: np.ndarray) -> np.ndarray:
         """Return the palm's pose (4, 4) in the frame of body 0."""
         return self.chain.tool_pose(np.ascontiguousarray(q[: self.n_arm]))
-
-
-def ball_of(points: np.ndarray) -> tuple:
-    """Return a ball around points: centre and radius [m]."""
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    far = np.linalg.norm(points - center, axis=1).max()
-    return (*center.tolist(), float(far + 1e-9))
 
 
 def balls_of(points: np.ndarray, first: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from handover.plans.choose import HandoverChoice, Pair, Report
+from handover.plans.choose import HandoverChoice, Kept, Pair, Report
 from handover.plans.limb import Limb
 from handover.plans.paths import SAME, Blocked, Clock, Paths
 from handover.plans.settings import PlanSettings
@@ -91,25 +91,6 @@ class _Goal:
     line: np.ndarray | None = None
 
 
-_NO_MORE = Blocked("no other posture")
-
-
-class _Several:
-    """What an iterator yields, as many as are asked for; the first is made at once."""
-
-    def __init__(self, every: Iterator) -> None:
-        self._every, self._found = every, [next(every)]
-
-    def first(self, n: int) -> list:
-        """Return n of them, or all that there are."""
-        try:
-            while len(self._found) < n:
-                self._found.append(next(self._every))
-        except (Blocked, StopIteration):
-            pass
-        return self._found
-
-
 class MotionPlanner:
     """Looks for the motions of tuples in a scene until the clock is over."""
 
@@ -158,7 +139,7 @@ class MotionPlanner:
             raise trouble
         goal = self._once(("goal", r), lambda: self._goal(chosen))
         meetings = self._meetings_of(chosen, hard)
-        starts = self._once(("start", g), lambda: _Several(self._starts(chosen)))
+        starts = self._once(("start", g), lambda: self._some(self._starts(chosen)))
         met, home = self._way_home(chosen, meetings, budget)
         start, carry = self._carried(starts, met, budget)
         approach = self._approach(chosen, met, budget)
@@ -207,10 +188,10 @@ class MotionPlanner:
                     if blocked.by_hand:
                         break
                     continue
-                trouble, found = trouble or _NO_MORE, True
+                found = True
                 yield _Start((g, k), q, pre, line, up)
             if found:
-                break
+                return
         raise trouble
 
     def _pick(self, g: int, q: np.ndarray, slanted: bool) -> tuple:
@@ -351,7 +332,7 @@ class MotionPlanner:
     # --- what is searched -------------------------------------------------------------
 
     def _carried(
-        self, starts: "_Several", met: _Meeting, budget: int
+        self, starts: Kept, met: _Meeting, budget: int
     ) -> tuple[_Start, np.ndarray]:
         """Return the path of the object, and where it begins."""
         giver, every = self.pair.giver, starts.first(self.settings.starts)
@@ -450,6 +431,13 @@ class MotionPlanner:
         if isinstance(known, Blocked):
             raise known
         return known
+
+    @staticmethod
+    def _some(every: Iterator) -> Kept:
+        """Return what an iterator yields; the first is made, or raises, at once."""
+        kept = Kept(every)
+        kept.first(1)
+        return kept
 
     def _searched(self, key: tuple, budget: int, work: Callable) -> np.ndarray:
         """Return a path that was found once; a search is repeated with more budget."""

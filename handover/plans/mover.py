@@ -15,7 +15,6 @@ from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
 from handover.plans.limb import (
     Limb,
-    ball_of,
     balls_of,
     box_corners,
     prism,
@@ -48,6 +47,7 @@ class Mover:
         T_mount: (4, 4) what the arm hangs on, world frame [m].
         T_world_object: (4, 4) where the object is; None: the arm holds it.
         stamp: Another number whenever something was put elsewhere.
+        scratch: Working memory of one thread.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Mover:
         self.T_mount = mount_pose(placed, limb)
         self._T_other = mount_pose(other_placed, other)
         self._layout(scene, placed, other_placed)
-        self._scratch = _scratch(self.space, limb.dof)
+        self.scratch = _scratch(self.space, limb.dof)
         self.T_world_object: np.ndarray | None = None
         self.stamp = 0
         self._q_other = self._held = b""  # the numbers of the last ones
@@ -261,7 +261,7 @@ class Mover:
         self.stamp += 1
 
     def _moved(self) -> None:
-        self._scratch.stale[0] = True
+        self.scratch.stale[0] = True
         self.stamp += 1
 
     # --- questions ------------------------------------------------------------------
@@ -283,7 +283,7 @@ class Mover:
         out = self._outside(q)
         if out:
             return -1, out
-        p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self._scratch)
+        p = kernels.stands_clear(self.space, q, 0, len(self.space.pairs), self.scratch)
         return p, None if p < 0 else self._told(p)
 
     def path_blocked(self, path: np.ndarray) -> tuple[int, str | None, int]:
@@ -296,7 +296,7 @@ class Mover:
         if out:
             return -1, out, 0
         p, leg = kernels.path_clear(
-            self.space, path, self.proof.tolerance, self._scratch
+            self.space, path, self.proof.tolerance, self.scratch
         )
         return p, None if p < 0 else self._told(p), len(path) - 1 if p < 0 else leg
 
@@ -311,11 +311,6 @@ class Mover:
     def _told(self, p: int) -> str:
         a, b = self.space.pairs[p]
         return f"{self.names[a]} would touch {self.names[b].removeprefix('other ')}"
-
-    @property
-    def scratch(self) -> kernels.Scratch:
-        """Working memory of one thread."""
-        return self._scratch
 
 
 def _scratch(space: kernels.Space, dof: int) -> kernels.Scratch:
@@ -423,7 +418,8 @@ def hand_ball(limb: Limb) -> tuple:
     center = np.zeros(3)
     members = [p for p in limb.parts[begin:end] if p.body == limb.palm]
     if members:
-        center = np.array(ball_of(np.concatenate([p.points for p in members]))[:3])
+        points = np.concatenate([p.points for p in members])
+        center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     far = 0.0
     for part in limb.parts[begin:end]:
         reach, body = np.linalg.norm(part.points, axis=1).max() + part.radius, part.body

@@ -27,19 +27,12 @@ _SCALE = np.array([0.1, 0.1])  # [m or rad] that counts as 1 in a descent
 
 @dataclass(frozen=True, eq=False)
 class ExecutableGrasps:
-    """The grasps of a set that an arm can execute, the most dexterous first.
+    """The grasps of a set that an arm can execute, the most dexterous first."""
 
-    Attributes:
-        grasp: (m,) which.
-        q: (m, dof) joints of arm and closed hand [rad or m].
-        dexterity: (m,) of the arm there.
-        refused: Why the others cannot -> how many.
-    """
-
-    grasp: np.ndarray
-    q: np.ndarray
-    dexterity: np.ndarray
-    refused: dict[str, int]
+    grasp: np.ndarray  # (m,) which
+    q: np.ndarray  # (m, dof) joints of arm and closed hand [rad or m]
+    dexterity: np.ndarray  # (m,) of the arm there
+    refused: dict[str, int]  # why the others cannot -> how many
 
     def __len__(self) -> int:
         return len(self.grasp)
@@ -215,25 +208,3 @@ class LazyGrasps:
                     listed.q[first + count] = work.q
                     count += 1
             kernels.end(arm, listed, i, count, now[1])
-
-
-def prune_grasps(
-    mover: Mover,
-    grasps: GraspSet,
-    T_world_object: np.ndarray,
-    use: np.ndarray | None = None,
-) -> ExecutableGrasps:
-    """Keep the grasps that an arm can execute on an object where it stands.
-
-    Args:
-        mover: The arm; it looks at the object as it was put (`put_object`, `hold`).
-        grasps: The set.
-        T_world_object: (4, 4) where the object is [m].
-        use: (k,) which grasps to look at; all if left.
-
-    Returns:
-        Those that are within limits and free with open and closed hand; of the joints
-        that reach a grasp, the most dexterous free ones over a grid of the free angle.
-    """
-    use = np.arange(len(grasps)) if use is None else use
-    return Grasper(mover, grasps).look(T_world_object, use, lambda: None).all()

@@ -36,46 +36,29 @@ _ROOM = 0.25  # of a cell: how far from its centre a propagation may aim
 
 
 class Grid(NamedTuple):
-    """Cells in position and rotation.
+    """Cells in position and rotation."""
 
-    Attributes:
-        size: (4,) nx, ny, nz, n_rotations.
-        sides: (2,) HEALPix n_side and rolls.
-        place: (4,) origin (3) and cell [unit].
-        scale: (2,) half a cell [unit] and half a rotation step [rad].
-        centers: (n_rotations, 9) rotation of each cell's centre.
-        pixel_frames: (n_pixels, 9).
-        neighbors: (n_rotations, k) filled with -1.
-    """
-
-    size: np.ndarray
-    sides: np.ndarray
-    place: np.ndarray
-    scale: np.ndarray
-    centers: np.ndarray
-    pixel_frames: np.ndarray
-    neighbors: np.ndarray
+    size: np.ndarray  # (4,) nx, ny, nz, n_rotations
+    sides: np.ndarray  # (2,) HEALPix n_side and rolls
+    place: np.ndarray  # (4,) origin (3) and cell [unit]
+    scale: np.ndarray  # (2,) half a cell [unit] and half a rotation step [rad]
+    centers: np.ndarray  # (n_rotations, 9) rotation of each cell's centre
+    pixel_frames: np.ndarray  # (n_pixels, 9)
+    neighbors: np.ndarray  # (n_rotations, k) filled with -1
 
 
 class Cells(NamedTuple):
-    """The state of a fill, one entry a cell.
+    """The state of a fill, one entry a cell."""
 
-    Attributes:
-        quality: of the witness, 1 to 255; 0 where the cell is not marked.
-        sample: quality of the best sample; 0 where there is none.
-        source: index of the best sample; without one, the failed predecessors (bits).
-        predecessor: ROOT, or the neighbour whose witness was propagated: the k-th in
-            rotation, n + k in position.
-        depth: propagations from the root.
-        witness: (n, dof) lattice points.
-    """
-
-    quality: np.ndarray
-    sample: np.ndarray
+    quality: np.ndarray  # of the witness, 1 to 255; 0 where the cell is not marked
+    sample: np.ndarray  # quality of the best sample; 0 where there is none
+    # index of the best sample; without one, the failed predecessors (bits)
     source: np.ndarray
+    # ROOT, or the neighbour whose witness was propagated: the k-th in rotation, n + k
+    # in position
     predecessor: np.ndarray
-    depth: np.ndarray
-    witness: np.ndarray
+    depth: np.ndarray  # propagations from the root
+    witness: np.ndarray  # (n, dof) lattice points
 
 
 class Work(NamedTuple):

@@ -14,25 +14,15 @@ from roadmap.jit_options import BARE, BARE_INNER, WITHIN
 
 
 class Packed(NamedTuple):
-    """Arrays of a packed map.
+    """Arrays of a packed map."""
 
-    Attributes:
-        row_of: (n_positions,) row or -1.
-        bits: (n_rows, words) reached rotations.
-        first: (n_rows + 1,) first entry of each row.
-        first_root: (n_rows + 1,) first stored witness of each row.
-        quality: (n,) 1 to 255.
-        predecessor: (n,) of each cell, see `Cells` of the build.
-        roots: (n_roots, dof) stored witnesses, lattice points.
-    """
-
-    row_of: np.ndarray
-    bits: np.ndarray
-    first: np.ndarray
-    first_root: np.ndarray
-    quality: np.ndarray
-    predecessor: np.ndarray
-    roots: np.ndarray
+    row_of: np.ndarray  # (n_positions,) row or -1
+    bits: np.ndarray  # (n_rows, words) reached rotations
+    first: np.ndarray  # (n_rows + 1,) first entry of each row
+    first_root: np.ndarray  # (n_rows + 1,) first stored witness of each row
+    quality: np.ndarray  # (n,) 1 to 255
+    predecessor: np.ndarray  # (n,) of each cell, see `Cells` of the build
+    roots: np.ndarray  # (n_roots, dof) stored witnesses, lattice points
 
 
 @njit(**BARE_INNER)

@@ -23,16 +23,11 @@ _QUEUE = 24  # entries per cell of a position
 
 
 class Queue(NamedTuple):
-    """Priority queue of one position's unfilled cells, by the quality they may get.
+    """Priority queue of one position's unfilled cells, by the quality they may get."""
 
-    Attributes:
-        head: (256,) first entry of each quality, -1 for none.
-        entries: (2, m) rotation, and the next entry.
-        near: (6,) first cell of the adjacent positions, -1 outside of the grid.
-    """
-
-    head: np.ndarray
-    entries: np.ndarray
+    head: np.ndarray  # (256,) first entry of each quality, -1 for none
+    entries: np.ndarray  # (2, m) rotation, and the next entry
+    # (6,) first cell of the adjacent positions, -1 outside of the grid
     near: np.ndarray
 
 

@@ -23,52 +23,39 @@ LANES = 8  # points of a shell are looked at so many at a time
 
 
 class Touch(NamedTuple):
-    """Tables of the self-collision test; without pairs nothing is tested.
+    """Tables of the self-collision test; without pairs nothing is tested."""
 
-    Attributes:
-        pair: (n_pairs, 5) int32 two shells, table or -1, the one or two joints of the
-            chain that it is over, -1 for none.
-        apart: (n_pairs,) square of the distance of the balls' centres at which the
-            pair is clear [m^2].
-        shell: (n_shells, 5) int32 row of the chain that carries it, -1 for the base;
-            its first and end row of `points`; its first and end column of `lanes`.
-        balls: (n_shells, 4) around the shells, in the row's frame [m].
-        points: (n, 3) in the row's frame [m].
-        lanes: (3, m) the same, filled up to full lanes with points there already.
-        clear: (n_tables, TABLE, TABLE) True where a cell is proved clear.
-        spans: (dof, 2) lower limit of each joint, and cells of a table per unit.
-        axes: (n_pairs, 3) of one thread: separating direction of the last call, in the
-            frame of the first shell's row, where it changes least.
-        direction: (3,) of one thread: the same, seen from the base.
-        places: (n_shells, 3) of one thread: centres of the balls.
-        simplex: (16, 3) working memory of one thread.
-        still: (12,) pose of what the base carries.
-        tree_i, tree_f: of the robot where a link follows no row of the chain, such
-            as one with a joint that mimics; else empty. Then a shell's row is a body.
-        whole: (robot dof,) of one thread: configuration; the chain's joints are
-            overwritten.
-        rows: (dof,) index of each chain joint in it.
-        frames: (n_bodies, 12) working memory of one thread.
-    """
-
+    # (n_pairs, 5) int32 two shells, table or -1, the one or two joints of the chain
+    # that it is over, -1 for none
     pair: np.ndarray
+    # (n_pairs,) square of the distance of the balls' centres at which the pair is clear
+    # [m^2]
     apart: np.ndarray
+    # (n_shells, 5) int32 row of the chain that carries it, -1 for the base; its first
+    # and end row of `points`; its first and end column of `lanes`
     shell: np.ndarray
-    balls: np.ndarray
-    points: np.ndarray
+    balls: np.ndarray  # (n_shells, 4) around the shells, in the row's frame [m]
+    points: np.ndarray  # (n, 3) in the row's frame [m]
+    # (3, m) the same, filled up to full lanes with points there already
     lanes: np.ndarray
-    clear: np.ndarray
+    clear: np.ndarray  # (n_tables, TABLE, TABLE) True where a cell is proved clear
+    # (dof, 2) lower limit of each joint, and cells of a table per unit
     spans: np.ndarray
+    # (n_pairs, 3) of one thread: separating direction of the last call, in the frame of
+    # the first shell's row, where it changes least
     axes: np.ndarray
-    direction: np.ndarray
-    places: np.ndarray
-    simplex: np.ndarray
-    still: np.ndarray
+    direction: np.ndarray  # (3,) of one thread: the same, seen from the base
+    places: np.ndarray  # (n_shells, 3) of one thread: centres of the balls
+    simplex: np.ndarray  # (16, 3) working memory of one thread
+    still: np.ndarray  # (12,) pose of what the base carries
+    # of the robot where a link follows no row of the chain, such as one with a joint
+    # that mimics; else empty; then a shell's row is a body
     tree_i: np.ndarray
     tree_f: np.ndarray
+    # (robot dof,) of one thread: configuration; the chain's joints are overwritten
     whole: np.ndarray
-    rows: np.ndarray
-    frames: np.ndarray
+    rows: np.ndarray  # (dof,) index of each chain joint in it
+    frames: np.ndarray  # (n_bodies, 12) working memory of one thread
 
 
 @njit(**BARE_INNER)

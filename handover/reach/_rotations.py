@@ -16,16 +16,11 @@ _TURN = 2.0 * math.pi
 
 
 class RotationArrays(NamedTuple):
-    """What the kernels need to know of a rotation grid.
+    """What the kernels need to know of a rotation grid."""
 
-    Attributes:
-        n_side: HEALPix resolution.
-        n_roll: Rolls about the z axis.
-        pixel_frames: (n_pixels, 9) columns e1, e2 and centre of each pixel, row-major.
-    """
-
-    n_side: int
-    n_roll: int
+    n_side: int  # HEALPix resolution
+    n_roll: int  # rolls about the z axis
+    # (n_pixels, 9) columns e1, e2 and centre of each pixel, row-major
     pixel_frames: np.ndarray
 
 

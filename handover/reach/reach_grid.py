@@ -18,18 +18,12 @@ class ReachGrid:
 
     A cell's number is position * n_rotations + rotation, a position's
     (x * ny + y) * nz + z. Cell borders go through the frame's origin.
-
-    Attributes:
-        origin: (3,) lower corner [unit of the chain].
-        cell: Side of a position cell.
-        shape: nx, ny, nz.
-        rotations: The rotation grid.
     """
 
-    origin: np.ndarray
-    cell: float
-    shape: tuple[int, int, int]
-    rotations: RotationGrid
+    origin: np.ndarray  # (3,) lower corner [unit of the chain]
+    cell: float  # side of a position cell
+    shape: tuple[int, int, int]  # nx, ny, nz
+    rotations: RotationGrid  # the rotation grid
 
     def __post_init__(self) -> None:
         freeze(self, origin=float)

@@ -21,22 +21,16 @@ _SEED_OFFSET = 90_001  # not the samples that the map was drawn with
 
 @dataclass(frozen=True)
 class Recall:
-    """How many poses of a random set a map knows.
+    """How many poses of a random set a map knows."""
 
-    Attributes:
-        poses: Uniformly random poses in the box that the tool can reach.
-        solvable: Those that inverse kinematics solved, free of self-collision.
-        marked: Those of them whose cell is marked.
-        late: Solutions that took more than half of the starts: where these are not
-            few, `solvable` misses poses that are hard to solve.
-        marked_unsolved: Marked cells with a pose that was not solved: only a part of
-            such a cell can be reached.
-    """
-
-    poses: int
-    solvable: int
-    marked: int
+    poses: int  # uniformly random poses in the box that the tool can reach
+    solvable: int  # those that inverse kinematics solved, free of self-collision
+    marked: int  # those of them whose cell is marked
+    # solutions that took more than half of the starts: where these are not few,
+    # `solvable` misses poses that are hard to solve
     late: int
+    # marked cells with a pose that was not solved: only a part of such a cell can be
+    # reached
     marked_unsolved: int
 
     @property

@@ -17,20 +17,13 @@ _KNOWN: "WeakKeyDictionary[ReachMap, dict[tuple, RobotCells]]" = WeakKeyDictiona
 
 @dataclass(frozen=True, eq=False)
 class RobotCells:
-    """Reached cells, position by position.
+    """Reached cells, position by position."""
 
-    Attributes:
-        grid: The coarse grid, in the frame of the reach map (the robot's base).
-        positions: (p,) ascending position cells where anything is reached.
-        points: (p, 3) their centres [m].
-        first: (p + 1,) first entry of each.
-        rotation: (n,) rotation cell of each entry, ascending within a position.
-    """
-
-    grid: ReachGrid
-    positions: np.ndarray
-    points: np.ndarray
-    first: np.ndarray
+    grid: ReachGrid  # the coarse grid, in the frame of the reach map (the robot's base)
+    positions: np.ndarray  # (p,) ascending position cells where anything is reached
+    points: np.ndarray  # (p, 3) their centres [m]
+    first: np.ndarray  # (p + 1,) first entry of each
+    # (n,) rotation cell of each entry, ascending within a position
     rotation: np.ndarray
 
     def __post_init__(self) -> None:

@@ -22,26 +22,19 @@ from roadmap.transforms import pose_of
 
 @dataclass(frozen=True, eq=False)
 class AgentBody:
-    """Links, joints and solids of a URDF.
+    """Links, joints and solids of a URDF."""
 
-    Attributes:
-        file: The URDF.
-        description: What it says.
-        joints: Names of the joints that can be set; those that follow are left out.
-        limits: Joint -> lower and upper end [rad or m].
-        links: Names of all links, parents first; the first is the base.
-        solids: Of all links; `link` counts `links`, poses are in the link's frame [m].
-        neighbours: Pairs of links that are not tested against each other: no third link
-            with geometry lies between them on the way from one to the other. Links
-            welded together by fixed joints count as one.
-    """
-
-    file: Path
-    description: Description
+    file: Path  # the URDF
+    description: Description  # what it says
+    # names of the joints that can be set; those that follow are left out
     joints: tuple[str, ...]
-    limits: Mapping[str, tuple[float, float]]
-    links: tuple[str, ...]
+    limits: Mapping[str, tuple[float, float]]  # joint -> lower and upper end [rad or m]
+    links: tuple[str, ...]  # names of all links, parents first; the first is the base
+    # of all links; `link` counts `links`, poses are in the link's frame [m]
     solids: tuple[Solid, ...]
+    # pairs of links that are not tested against each other: no third link with geometry
+    # lies between them on the way from one to the other; links welded together by fixed
+    # joints count as one
     neighbours: frozenset[tuple[str, str]]
 
     def checked(self, joints: Mapping[str, float], whose: str) -> dict[str, float]:

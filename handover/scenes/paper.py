@@ -26,9 +26,8 @@ TRAY_RADIUS, TRAY_THICKNESS = 0.20, 0.012  # [m] a round waiter's tray
 TRAY_AHEAD, TRAY_TOP = 0.46, 0.95  # [m] before Hubo's middle; above the floor
 TRAY_GRIP = np.radians(75.0)  # direction of the holding hand, from ahead to the left
 STEP_RISE, STEP_DEPTH, STEP_WIDTH = 0.20, 0.26, 0.40  # [m]
-STOOL_BEHIND = (
-    0.25  # [m] to a body on the third step: the turned stool clears the table
-)
+# [m] to a body on the third step: the turned stool clears the table
+STOOL_BEHIND = 0.25
 STOOL_RANGE = 0.30  # [m] each way, along the table
 LIFT = (0.45, 0.0, -0.15)  # [m] the lifted hammer, from between the shoulders
 PLATE_BEHIND = 0.20  # [m] from the table's far rim to the plate's middle

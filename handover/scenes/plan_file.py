@@ -24,40 +24,26 @@ WHO = ("giver", "receiver")
 
 @dataclass(frozen=True, eq=False)
 class TimedMotion:
-    """A motion of one agent, in points that are joined by straight lines.
+    """A motion of one agent, in points that are joined by straight lines."""
 
-    Attributes:
-        name: reach, pick, carry, offer, take, release, place, retreat, ...
-        who: "giver" or "receiver".
-        joints: (k,) names of the joints that it moves.
-        times: (n,) growing, on the plan's clock [s].
-        positions: (n, k) [rad or m].
-    """
-
-    name: str
-    who: str
-    joints: Sequence[str]
-    times: np.ndarray
-    positions: np.ndarray
+    name: str  # reach, pick, carry, offer, take, release, ...
+    who: str  # "giver" or "receiver"
+    joints: Sequence[str]  # (k,) names of the joints that it moves
+    times: np.ndarray  # (n,) growing, on the plan's clock [s]
+    positions: np.ndarray  # (n, k) [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
 class Hold:
-    """The object is fixed to a link for a time.
+    """The object is fixed to a link for a time."""
 
-    Attributes:
-        who: "giver", "receiver" or "world"; the world's link is "".
-        link: The link.
-        T_link_object: (4, 4); of the world T_world_object [m].
-        begin, end: On the plan's clock [s]; an end of None: to the end.
-        touching: Links of `who` that may touch the object meanwhile: the hand's.
-    """
-
-    who: str
-    link: str
-    T_link_object: np.ndarray
+    who: str  # "giver", "receiver" or "world"; the world's link is ""
+    link: str  # the link
+    T_link_object: np.ndarray  # (4, 4); of the world T_world_object [m]
+    # on the plan's clock [s]; an end of None: to the end
     begin: float
     end: float | None = None
+    # links of `who` that may touch the object meanwhile: the hand's
     touching: Sequence[str] = field(default_factory=tuple)
 
 

@@ -14,9 +14,8 @@ from roadmap.arrays import frozen
 from roadmap.errors import BadInput
 from roadmap.transforms import check_pose
 
-GAP = (
-    0.001  # [m] between what stands and what carries it: an exact test sees no contact
-)
+# [m] between what stands and what carries it: an exact test sees no contact
+GAP = 0.001
 
 
 @dataclass(frozen=True, eq=False)

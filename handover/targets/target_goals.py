@@ -9,6 +9,7 @@ from handover.meet.settings import FindSettings
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
+from odm.close_test.static import StaticTest
 from odm.frame.freedom import check_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
@@ -18,22 +19,25 @@ from roadmap.ranges import settings_of
 NODE, EXACT = "node", "exact"
 
 
+def goal_trouble(static: StaticTest, q: np.ndarray) -> str | None:
+    """Return why q (dof,) can never be a goal in a place, None if it can."""
+    try:
+        check_valid(static, q, "it")
+    except BadConfiguration as error:
+        return str(error)
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A configuration that serves a target.
+    """A configuration that serves a target."""
 
-    Attributes:
-        key: The target's cell.
-        q: (dof,) configuration [rad or m].
-        kind: "node": a roadmap node near the target, attached already; "exact": found
-            by inverse kinematics.
-        node: Number of the node; -1: none.
-    """
-
-    key: int
-    q: np.ndarray
+    key: int  # the target's cell
+    q: np.ndarray  # (dof,) configuration [rad or m]
+    # "node": a roadmap node near the target, attached already; "exact": found by
+    # inverse kinematics
     kind: str
-    node: int = -1
+    node: int = -1  # number of the node; -1: none
 
 
 class TargetGoals:
@@ -126,7 +130,7 @@ class TargetGoals:
                 rotation_tolerance=FindSettings.rotation_tolerance,
             )
             for one in found:
-                why = self._trouble(one.q)
+                why = goal_trouble(self.planner.static, one.q)
                 if why is None and self._is_new(key, one.q):
                     goal = Goal(key, one.q, EXACT)
                     self._exact.setdefault(key, []).append(goal)
@@ -167,18 +171,10 @@ class TargetGoals:
             near = self.settings.node_tolerance_m, self.settings.node_tolerance_rad
             for node in self.index.within(T_base_tool, *near):
                 q = self.index.nodes[node]
-                if self._trouble(q) is None:
+                if goal_trouble(self.planner.static, q) is None:
                     self._near[key] = Goal(key, q, NODE, node)
                     break
         return self._near[key]
-
-    def _trouble(self, q: np.ndarray) -> str | None:
-        """Return why q can never be a goal in this place, None if it can."""
-        try:
-            check_valid(self.planner.static, q, "it")
-        except BadConfiguration as error:
-            return str(error)
-        return None
 
     def _is_taken(self, target: Target, goal: Goal) -> bool:
         """Whether the person can take the object as it is held at a goal."""

@@ -70,9 +70,9 @@ def run_bench(
         if json is not None:
             show_json(result, json)
         if markdown == "-":
-            print(table.markdown(result))
+            print(markdown_of(result))
         elif markdown is not None:
-            fill_section(Path(markdown), name, table.markdown(result))
+            fill_section(Path(markdown), name, markdown_of(result))
         elif json != "-":
             table.print_bench(result)
     return result.get("exit_code", 0)
@@ -147,6 +147,20 @@ def _check_options(
         if parameter.default is parameter.empty and option not in given:
             what = f"the bench {name!r} needs {flag_of(option)}"
             raise BadInput(f"{what}: {_needed(name, option)}")
+
+
+def markdown_of(result: dict) -> str:
+    """Return the table of a bench and its setting as markdown."""
+    lines = _markdown_table(table.lines_of(result)) if result["rows"] else []
+    for more in result.get("tables", ()):
+        head, *rows = _markdown_table([more["head"], *more["rows"]])
+        lines += ["", f"**{more['title']}**", "", head, *rows]
+    return "\n".join([*lines, "", *table.setting_lines(result)]) + "\n"
+
+
+def _markdown_table(rows: list) -> list[str]:
+    head, *rest = ("| " + " | ".join(line) + " |" for line in rows)
+    return [head, "|" + "---|" * (head.count("|") - 1), *rest]
 
 
 def fill_section(path: Path, name: str, text: str | None) -> None:

@@ -38,19 +38,12 @@ FREE_GB, MEMORY_GB = 1.0, 2.0
 
 @dataclass(frozen=True)
 class Row:
-    """One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes:
-        what: Its name.
-        state: "ok", "missing" (of use, but not needed) or "wrong".
-        found: What was found.
-        remedy: What to do; empty: nothing.
-    """
-
-    what: str
-    state: str
-    found: str
-    remedy: str = ""
+    what: str  # its name
+    state: str  # "ok", "missing" (of use, but not needed) or "wrong"
+    found: str  # what was found
+    remedy: str = ""  # what to do; empty: nothing
 
 
 @dataclass(frozen=True)

@@ -42,44 +42,31 @@ _WHOLE = 1.0  # bytes of an entry for halves and words kept whole; Panda, 4 cm
 
 @dataclass(frozen=True)
 class Suggestion:
-    """One row: a cell size and a node count, and what they would cost.
+    """One row: a cell size and a node count, and what they would cost."""
 
-    Attributes:
-        h: Cell size [m].
-        nodes, edges: Counts.
-        bytes_per_edge: Of the edge-major view, nodes included.
-        map_bytes: Everything on disk.
-        memory_bytes: In memory, with the block-major view.
-        seconds: Build, the robot's cover included, on `threads` threads [s].
-        overhead_cells, overhead_close: Mean extra distance at which an edge is given
-            up, by cells and by the close test [m].
-    """
-
-    h: float
+    h: float  # cell size [m]
+    # counts
     nodes: int
     edges: int
-    bytes_per_edge: float
-    map_bytes: int
-    memory_bytes: int
-    seconds: float
+    bytes_per_edge: float  # of the edge-major view, nodes included
+    map_bytes: int  # everything on disk
+    memory_bytes: int  # in memory, with the block-major view
+    seconds: float  # build, the robot's cover included, on `threads` threads [s]
+    # mean extra distance at which an edge is given up, by cells and by the close test
+    # [m]
     overhead_cells: float
     overhead_close: float
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A few dozen nodes and edges that stand for a roadmap of `n_nodes` nodes.
+    """A few dozen nodes and edges that stand for a roadmap of `n_nodes` nodes."""
 
-    Attributes:
-        roadmap: The nodes and edges.
-        n_nodes, n_edges: Of the whole roadmap.
-        seconds: To draw and test the whole roadmap, on one thread [s].
-    """
-
-    roadmap: Roadmap
+    roadmap: Roadmap  # the nodes and edges
+    # of the whole roadmap
     n_nodes: int
     n_edges: int
-    seconds: float
+    seconds: float  # to draw and test the whole roadmap, on one thread [s]
 
 
 def suggest_sizes(recipe: Recipe, threads: int, json: str | None) -> None:

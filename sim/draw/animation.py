@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.chunks import Progress
 from roadmap.geometry.gaps import beads
-from roadmap.kinematics.forward import difference, sphere_centers, tool_pose
+from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.ranges import settings_of
 from roadmap.robot.robot import Robot
 from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
@@ -130,9 +130,7 @@ def _bodies(
     result: RunResult, robot: Robot, frame: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return robot and person of a frame as balls (n, 4) [m]."""
-    centers = sphere_centers(robot, result.q[frame])
-    balls = np.column_stack([centers, robot.spheres[:, 3]])
-    return balls, beads(result.capsules[frame], 16)
+    return cover_balls(robot, result.q[frame]), beads(result.capsules[frame], 16)
 
 
 def tool_line(robot: Robot, path: np.ndarray) -> np.ndarray:

@@ -20,19 +20,14 @@ FIELDS = {
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Places of one plane and what a hand can do there.
+    """Places of one plane and what a hand can do there."""
 
-    Attributes:
-        normal: Axis the plane is square to, 1 (y) or 2 (z).
-        at: Where on that axis [m].
-        x, y: Places across and up [m], ascending.
-        fields: Name -> (len(y), len(x)) in [0, 1], NaN where the hand cannot be.
-    """
-
-    normal: int
-    at: float
+    normal: int  # axis the plane is square to, 1 (y) or 2 (z)
+    at: float  # where on that axis [m]
+    # places across and up [m], ascending
     x: np.ndarray
     y: np.ndarray
+    # name -> (len(y), len(x)) in [0, 1], NaN where the hand cannot be
     fields: dict[str, np.ndarray]
 
     def value(self, field: str, across: float, up: float) -> float:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from odm.cameras.space import CELL_NAMES
-from roadmap.kinematics.forward import sphere_centers
 from sim.draw import style
-from sim.draw.silhouette import balls_silhouette
+from sim.draw.silhouette import cover_silhouette
 
 if TYPE_CHECKING:
     from odm import SeenSpace
@@ -69,8 +68,7 @@ def _draw_slice(
     for name, colour in COLOURS.items():
         colours[CELL_NAMES.index(name)] = to_rgba(colour)
     style.draw_cut(axis, grid.origin[list(plane)], grid.h, colours[codes], zorder=0)
-    radii = space.robot.spheres[:, 3]
-    balls_silhouette(sphere_centers(space.robot, q), radii).draw(axis, plane)
+    cover_silhouette(space.robot, q).draw(axis, plane)
     _draw_camera(axis, space.cameras[0], *plane)
     style.space_axes(axis, normal)
     _frame(axis, space, codes, plane)

@@ -4,7 +4,7 @@ import numpy as np
 
 from odm import CellMap
 from roadmap.errors import BadRobot
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import cover_balls
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot
 from sim.draw.style import FURNITURE, LOAD, person_colours
@@ -37,9 +37,7 @@ class CoverWorld:
 
         The last `things` of them are an object, and are drawn as one.
         """
-        centers = sphere_centers(self._robot, q)
-        radii = self._robot.spheres[:, 3:4]
-        balls = [self._still, np.hstack([centers, radii, self._colours])]
+        balls = [self._still, np.hstack([cover_balls(self._robot, q), self._colours])]
         clad = person_colours(len(capsules) - things)
         for row, colour in zip(
             capsules, (*clad, *[np.array(LOAD)] * things), strict=True

@@ -6,9 +6,8 @@ import numpy as np
 
 from handover import ReachMap
 from odm.cell_map.cell_map import CellMap
-from roadmap.kinematics.forward import sphere_centers
 from sim.draw import style
-from sim.draw.silhouette import balls_silhouette
+from sim.draw.silhouette import cover_silhouette
 
 
 def plot_map(cell_map: CellMap, path: str | Path) -> Path:
@@ -32,8 +31,7 @@ def plot_map(cell_map: CellMap, path: str | Path) -> Path:
     widths = [nx, nx, max(ny, widest / 4), widest / 25]
     axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
     norm = LogNorm(1, max(2, int(counts.max())))
-    centers = sphere_centers(robot, (robot.lower + robot.upper) / 2)
-    outline = balls_silhouette(centers, robot.spheres[:, 3])
+    outline = cover_silhouette(robot, (robot.lower + robot.upper) / 2)
     for axis, normal in zip(axes, (2, 1, 0), strict=False):
         most = counts.max(axis=normal).T.astype(float)
         most[most == 0] = np.nan

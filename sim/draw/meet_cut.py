@@ -20,23 +20,17 @@ NEAR = 0.02  # [m] the drawn robot keeps from the person, the taking hand aside
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """One place of a person before a robot, and what they share there.
+    """One place of a person before a robot, and what they share there."""
 
-    Attributes:
-        meet: The interaction workspace.
-        distance: From the robot's base to the person's pelvis, along the base's x [m].
-        best: The best targets, best first.
-        robot_q: For each of them joints of the robot, or None where it cannot be
-            there exactly.
-        drawn: Index of the first whose robot keeps clear of the person; None: none.
-        human_reach: Reach map of a person's arm; None: a coarse one.
-    """
-
-    meet: InteractionWorkspace
+    meet: InteractionWorkspace  # the interaction workspace
+    # from the robot's base to the person's pelvis, along the base's x [m]
     distance: float
-    best: list[Target]
+    best: list[Target]  # the best targets, best first
+    # for each of them joints of the robot, or None where it cannot be there exactly
     robot_q: list[np.ndarray | None]
+    # index of the first whose robot keeps clear of the person; None: none
     drawn: int | None
+    # reach map of a person's arm; None: a coarse one
     human_reach: ReachMap | None = None
 
     @property

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from roadmap.kinematics.forward import body_frames
+from roadmap.kinematics.forward import body_frames, cover_balls
 from roadmap.robot.robot import Robot
 from roadmap.transforms import moved_points
 from sim.draw.style import INK, PALE
@@ -85,9 +85,10 @@ def robot_silhouette(robot: Robot, q: np.ndarray, T_world_base: np.ndarray):
     return Silhouette(polytopes=solids)
 
 
-def balls_silhouette(centers: np.ndarray, radii: np.ndarray) -> Silhouette:
-    """Return the Silhouette of balls: centres (n, 3) and radii (n,) [m]."""
-    return Silhouette(np.column_stack([centers, centers, radii]))
+def cover_silhouette(robot: Robot, q: np.ndarray) -> Silhouette:
+    """Return the Silhouette of a robot's sphere cover, its base at the origin."""
+    balls = cover_balls(robot, q)
+    return Silhouette(np.hstack([balls[:, :3], balls]))
 
 
 def _outside(points: np.ndarray, at: np.ndarray) -> np.ndarray:

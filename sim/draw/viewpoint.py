@@ -10,20 +10,16 @@ from roadmap.transforms import moved_points, pose_with
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the picture is taken from.
+    """Where the picture is taken from."""
 
-    Attributes:
-        eye, target: Places of the camera and of what it looks at, base frame [m].
-        fov_deg: Vertical opening [deg].
-        width, height: Size of the picture [pixels].
-        near, far: Nearest and farthest distance drawn [m].
-    """
-
+    # places of the camera and of what it looks at, base frame [m]
     eye: tuple[float, float, float] = (0.95, -1.75, 1.50)
     target: tuple[float, float, float] = (0.43, 0.02, 0.25)
-    fov_deg: float = 30.0
+    fov_deg: float = 30.0  # vertical opening [deg]
+    # size of the picture [pixels]
     width: int = 640
     height: int = 480
+    # nearest and farthest distance drawn [m]
     near: float = 0.2
     far: float = 6.0
 

@@ -8,23 +8,16 @@ HOME, LARGER, SMALLER = "h", "+", "-"
 
 @dataclass(frozen=True)
 class Slider:
-    """One thing of the arm that a pair of keys moves.
+    """One thing of the arm that a pair of keys moves."""
 
-    Attributes:
-        name: What it is called on the screen.
-        more, less: Keys that raise and lower its value; the first one is shown.
-        shown: The pair of keys as the screen shows it.
-        meaning: What the pair does, for the help.
-        unit: "m" or "rad".
-        sign: Of the value shown; an abduction to the outside is shown as positive.
-    """
-
-    name: str
+    name: str  # what it is called on the screen
+    # keys that raise and lower its value; the first one is shown
     more: tuple[str, ...]
     less: tuple[str, ...]
-    shown: str
-    meaning: str
-    unit: str = "rad"
+    shown: str  # the pair of keys as the screen shows it
+    meaning: str  # what the pair does, for the help
+    unit: str = "rad"  # "m" or "rad"
+    # of the value shown; an abduction to the outside is shown as positive
     sign: float = 1.0
 
 

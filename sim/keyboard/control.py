@@ -42,19 +42,12 @@ class KeyEvent:
 
 @dataclass(frozen=True, eq=False)
 class ArmState:
-    """Where the arm is and where it is going.
+    """Where the arm is and where it is going."""
 
-    Attributes:
-        x: (7,) p_base_shoulder [m]; flexion, abduction, rotation, elbow [rad].
-        v: (7,) its rate, per second.
-        target: (7,) where it is going.
-        size: Index into `NUDGES`.
-    """
-
-    x: np.ndarray
-    v: np.ndarray
-    target: np.ndarray
-    size: int = 2
+    x: np.ndarray  # (7,) p_base_shoulder [m]; flexion, abduction, rotation, elbow [rad]
+    v: np.ndarray  # (7,) its rate, per second
+    target: np.ndarray  # (7,) where it is going
+    size: int = 2  # index into `NUDGES`
 
     def __post_init__(self) -> None:
         freeze(self, x=float, v=float, target=float)
@@ -62,19 +55,14 @@ class ArmState:
 
 @dataclass(frozen=True, eq=False)
 class ArmLimits:
-    """What the arm may do.
+    """What the arm may do."""
 
-    Attributes:
-        arm: Its sizes.
-        home, lower, upper: (7,) start, and bounds of `ArmState.x` [m], [rad].
-        max_speed: No point of the surface advances faster than this [m/s].
-    """
-
-    arm: HumanArm
+    arm: HumanArm  # its sizes
+    # (7,) start, and bounds of `ArmState.x` [m], [rad]
     home: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    max_speed: float
+    max_speed: float  # no point of the surface advances faster than this [m/s]
 
     @classmethod
     def of(cls, person: Person) -> "ArmLimits":

@@ -23,7 +23,7 @@ _TRACK = 60  # widest slider
 def picture(view: View, width: int, height: int) -> list[Text]:
     """Return at most `height` lines, each of at most `width` columns."""
     if view.help:
-        *lines, last = _help(view, width)
+        *lines, last = _help()
     elif width >= WIDE[0] and height >= WIDE[1]:
         *lines, last = _full(view, width)
     else:
@@ -94,7 +94,7 @@ def _small(view: View, width: int) -> list[Text]:
     ]
 
 
-def _help(view: View, width: int) -> list[Text]:
+def _help() -> list[Text]:
     rows = [
         Text.assemble((f"{keys:<5}", _KEY), meaning) for keys, meaning in key_lines()
     ]

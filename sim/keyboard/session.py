@@ -63,20 +63,14 @@ class Pacer:
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings of a session.
+    """Settings of a session."""
 
-    Attributes:
-        rate_hz: Frames per second of simulation and wall clock.
-        seconds: Simulated time after which it ends [s]; None: when the user ends it.
-        title: Name of the robot, for the screen.
-        edges: Edges of the roadmap.
-        blocked: Returns how many of them the last frame blocks; None: not known.
-    """
-
-    rate_hz: float
+    rate_hz: float  # frames per second of simulation and wall clock
+    # simulated time after which it ends [s]; None: when the user ends it
     seconds: float | None = None
-    title: str = ""
-    edges: int = 0
+    title: str = ""  # name of the robot, for the screen
+    edges: int = 0  # edges of the roadmap
+    # returns how many of them the last frame blocks; None: not known
     blocked: Callable[[], int] | None = None
 
 

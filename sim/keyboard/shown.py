@@ -10,28 +10,21 @@ from sim.keyboard.stats import Stats
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """All that a picture shows.
+    """All that a picture shows."""
 
-    Attributes:
-        title: Name of the robot.
-        rate_hz: Frames per second.
-        stats: Figures so far.
-        arm, limits: The person's arm and its bounds.
-        blocked: Share of the roadmap's edges that are blocked, None if unknown.
-        edges: How many edges there are.
-        late, slipped_s: Frames that began late, and the delay they left [s].
-        paused, help: Whether the loop stands, and whether the keys are explained.
-    """
-
-    title: str
-    rate_hz: float
-    stats: Stats
+    title: str  # name of the robot
+    rate_hz: float  # frames per second
+    stats: Stats  # figures so far
+    # the person's arm and its bounds
     arm: ArmState
     limits: ArmLimits
+    # share of the roadmap's edges that are blocked, None if unknown
     blocked: float | None = None
-    edges: int = 0
+    edges: int = 0  # how many edges there are
+    # frames that began late, and the delay they left [s]
     late: int = 0
     slipped_s: float = 0.0
+    # whether the loop stands, and whether the keys are explained
     paused: bool = False
     help: bool = False
 

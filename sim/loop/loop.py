@@ -91,44 +91,34 @@ _NEW_PATHS = NewPathSettings()
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One turn of the loop, as the robot and the person stood when it began.
+    """One turn of the loop, as the robot and the person stood when it began."""
 
-    Attributes:
-        index: Number of the frame.
-        q: (dof,) configuration [rad or m]; of a pushed robot, where it truly is.
-        capsules: (k, 7) person [m].
-        answer: What the planner said.
-        place: Index of the work place the robot is on its way to.
-        separation: Exact distance of robot and person [m].
-        joint_speed, point_speed: Fastest joint [rad/s or m/s] and fastest point of
-            the robot [m/s] since the frame before; the joint is the set-point's, the
-            point the robot's: a push alone is no movement of its own.
-        dq, ddq: (dof,) velocity and acceleration of the set-point.
-        pace: What the executor does: "moving", "slowed", "braked", ...
-        brake: Why it is slowed or braked.
-        escape: Whether it retreats, and in this hold began to within the clearance.
-        guess: (k, 7) where the person is [m]; None where `capsules` say it.
-        wall_s, cpu_s: Time of the planner's step, timing and braking test [s].
-        improve_s, improve_cpu_s: Time of its improving after the answer [s].
-    """
-
-    index: int
+    index: int  # number of the frame
+    # (dof,) configuration [rad or m]; of a pushed robot, where it truly is
     q: np.ndarray
-    capsules: np.ndarray
-    answer: object
-    place: int
-    separation: float
+    capsules: np.ndarray  # (k, 7) person [m]
+    answer: object  # what the planner said
+    place: int  # index of the work place the robot is on its way to
+    separation: float  # exact distance of robot and person [m]
+    # fastest joint [rad/s or m/s] and fastest point of the robot [m/s] since the frame
+    # before; the joint is the set-point's, the point the robot's: a push alone is no
+    # movement of its own
     joint_speed: float
     point_speed: float
+    # time of the planner's step, timing and braking test [s]
     wall_s: float
     cpu_s: float
+    # time of its improving after the answer [s]
     improve_s: float
     improve_cpu_s: float = 0.0
+    # (dof,) velocity and acceleration of the set-point
     dq: np.ndarray | None = None
     ddq: np.ndarray | None = None
-    pace: str = ""
-    brake: str = ""
+    pace: str = ""  # what the executor does: "moving", "slowed", "braked", ...
+    brake: str = ""  # why it is slowed or braked
+    # whether it retreats, and in this hold began to within the clearance
     escape: bool = False
+    # (k, 7) where the person is [m]; None where `capsules` say it
     guess: np.ndarray | None = None
 
 

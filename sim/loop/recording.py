@@ -21,23 +21,17 @@ class BadRecording(BadInput):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Obstacle points over time, and from where to where the robot goes.
+    """Obstacle points over time, and from where to where the robot goes."""
 
-    Attributes:
-        points: (n, 3) points of all frames [m].
-        offsets: (F + 1,) frame i owns points[offsets[i]:offsets[i + 1]].
-        q_start, q_goal: (dof,) configurations [rad or m].
-        rate_hz: Frames per second.
-        covering_radius: Declared for raw points [m]; None for closed capsules.
-        rounding: (F,) smallest radius of each frame's capsules [m]; None for points.
-    """
-
-    points: np.ndarray
-    offsets: np.ndarray
+    points: np.ndarray  # (n, 3) points of all frames [m]
+    offsets: np.ndarray  # (F + 1,) frame i owns points[offsets[i]:offsets[i + 1]]
+    # (dof,) configurations [rad or m]
     q_start: np.ndarray
     q_goal: np.ndarray
-    rate_hz: float
+    rate_hz: float  # frames per second
+    # declared for raw points [m]; None for closed capsules
     covering_radius: float | None
+    # (F,) smallest radius of each frame's capsules [m]; None for points
     rounding: np.ndarray | None = None
 
     def __post_init__(self) -> None:

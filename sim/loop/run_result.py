@@ -18,73 +18,51 @@ MOVING = 0.01  # a joint faster than this moves [rad/s or m/s]
 
 @dataclass(frozen=True)
 class Hold:
-    """A stretch of frames without a path.
+    """A stretch of frames without a path."""
 
-    Attributes:
-        start_s, end_s: When it began and ended [s].
-        reason: The planner's sentence in its first frame.
-        retreating: Whether the robot moved out of the way meanwhile.
-    """
-
+    # when it began and ended [s]
     start_s: float
     end_s: float
-    reason: str
-    retreating: bool
+    reason: str  # the planner's sentence in its first frame
+    retreating: bool  # whether the robot moved out of the way meanwhile
 
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """One run of the loop. Frame i is time `i / rate_hz`; all arrays have F rows.
+    """One run of the loop. Frame i is time `i / rate_hz`; all arrays have F rows."""
 
-    Attributes:
-        motion: Name of the human motion, "none" without a person.
-        seed: Seed of the motion.
-        rate_hz: Frames per second.
-        trips: Times the robot arrived at a work place.
-        path_changes: New paths on the way, those for a new work place not counted.
-        holds: When and why the robot held.
-        q: (F, dof) configuration [rad or m].
-        capsules: (F, k, 7) person [m].
-        separation: (F,) exact distance of robot and person [m]; inf without a person,
-            0 or less in contact.
-        joint_speed: (F,) fastest joint while it moved to `q` [rad/s or m/s].
-        point_speed: (F,) fastest point of the robot on the way to `q` [m/s].
-        status: (F,) index into `STATUS`.
-        place: (F,) the work place the robot is on its way to.
-        wall_s, cpu_s: (F,) time of the planner's step: passed, and computed [s].
-        improve_s: (F,) time of its improving after the answer [s].
-        stages: The planner's own times by stage, (F,) each [s].
-        paths: Frame -> (k, dof) planned path, where they were kept.
-        improve_cpu_s: (F,) computing time of the improving [s]; None: as `improve_s`.
-        retreat: (F,) index into `RETREATS`: whether the robot got out of the way.
-        pushed: What happened to a robot that was pushed, see `PushedRobot.figures`;
-            then `q`, `separation` and `point_speed` are the true robot's, and
-            `joint_speed` its set-point's: it moves where it is told to move.
-        slowed_s: How long it had a path and was slowed or braked for the person [s];
-            None: it brakes for nobody.
-    """
-
-    motion: str
-    seed: int
-    rate_hz: float
-    trips: int
-    path_changes: int
-    holds: tuple[Hold, ...]
-    q: np.ndarray
-    capsules: np.ndarray
+    motion: str  # name of the human motion, "none" without a person
+    seed: int  # seed of the motion
+    rate_hz: float  # frames per second
+    trips: int  # times the robot arrived at a work place
+    path_changes: int  # new paths on the way, those for a new work place not counted
+    holds: tuple[Hold, ...]  # when and why the robot held
+    q: np.ndarray  # (F, dof) configuration [rad or m]
+    capsules: np.ndarray  # (F, k, 7) person [m]
+    # (F,) exact distance of robot and person [m]; inf without a person, 0 or less in
+    # contact
     separation: np.ndarray
-    joint_speed: np.ndarray
-    point_speed: np.ndarray
-    status: np.ndarray
-    place: np.ndarray
+    joint_speed: np.ndarray  # (F,) fastest joint while it moved to `q` [rad/s or m/s]
+    point_speed: np.ndarray  # (F,) fastest point of the robot on the way to `q` [m/s]
+    status: np.ndarray  # (F,) index into `STATUS`
+    place: np.ndarray  # (F,) the work place the robot is on its way to
+    # (F,) time of the planner's step: passed, and computed [s]
     wall_s: np.ndarray
     cpu_s: np.ndarray
-    improve_s: np.ndarray
-    stages: dict[str, np.ndarray]
+    improve_s: np.ndarray  # (F,) time of its improving after the answer [s]
+    stages: dict[str, np.ndarray]  # the planner's own times by stage, (F,) each [s]
+    # frame -> (k, dof) planned path, where they were kept
     paths: dict[int, np.ndarray] = field(default_factory=dict)
+    # (F,) computing time of the improving [s]; None: as `improve_s`
     improve_cpu_s: np.ndarray | None = None
+    # (F,) index into `RETREATS`: whether the robot got out of the way
     retreat: np.ndarray | None = None
+    # what happened to a robot that was pushed, see `PushedRobot.figures`; then `q`,
+    # `separation` and `point_speed` are the true robot's, and `joint_speed` its
+    # set-point's: it moves where it is told to move
     pushed: dict | None = None
+    # how long it had a path and was slowed or braked for the person [s]; None: it
+    # brakes for nobody
     slowed_s: float | None = None
 
     def __post_init__(self) -> None:

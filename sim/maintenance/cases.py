@@ -41,28 +41,23 @@ _END = 0.11  # [m] from the middle of the wrench to that end
 
 @dataclass(frozen=True)
 class WorkPlace:
-    """Where a robot, the table with the tools and the ladder stand.
+    """Where a robot, the table with the tools and the ladder stand."""
 
-    Attributes:
-        recipe: Name of the recipe of the robot's map.
-        pads: Links that may touch a tool; empty: see `sim.story.cases.pads_of`.
-        base_height: Of the robot's base above the floor of the ladder [m].
-        table: How high the table is, base frame [m].
-        places_xy: Where each tool stands on it, base frame [m].
-        distances: Nearest and farthest place of the ladder from the base [m].
-        bearings: Of the ladder, seen from the base: least and most [deg].
-    """
-
-    recipe: str = "story"
+    recipe: str = "story"  # name of the recipe of the robot's map
+    # links that may touch a tool; empty: see `sim.story.cases.pads_of`
     pads: tuple[str, ...] = ()
+    # of the robot's base above the floor of the ladder [m]
     base_height: float = BASE_HEIGHT
-    table: float = 0.0
+    table: float = 0.0  # how high the table is, base frame [m]
+    # where each tool stands on it, base frame [m]
     places_xy: tuple[tuple[float, float], ...] = (
         (0.38, -0.42),
         (0.20, -0.46),
         (0.53, -0.33),
     )
+    # nearest and farthest place of the ladder from the base [m]
     distances: tuple[float, float] = (0.65, 0.85)
+    # of the ladder, seen from the base: least and most [deg]
     bearings: tuple[float, float] = (-20.0, 20.0)
 
     @classmethod
@@ -122,12 +117,9 @@ class LadderCase(StoryCase):
 
 @dataclass(frozen=True, eq=False)
 class ToolSetup(StorySetup):
-    """A setup in which other tools stand about.
+    """A setup in which other tools stand about."""
 
-    Attributes:
-        others: The other tools, each with (4, 4) its place, base frame [m].
-    """
-
+    # the other tools, each with (4, 4) its place, base frame [m]
     others: tuple[tuple[HeldObject, np.ndarray], ...] = ()
 
     def planner(self) -> ReactivePlanner:

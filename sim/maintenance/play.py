@@ -41,21 +41,15 @@ class CycleSettings(CheckedSettings):
 
 @dataclass
 class CycleResult:
-    """What came of a cycle.
+    """What came of a cycle."""
 
-    Attributes:
-        case: Who stood where.
-        parts: What came of each hand-over: a give and a receive of each tool.
-        whole: Whether every tool was given, given back and put into its place.
-        reason: What went wrong first; empty where nothing did.
-        seconds: How long it took, pauses included [s].
-    """
-
-    case: LadderCase
+    case: LadderCase  # who stood where
+    # what came of each hand-over: a give and a receive of each tool
     parts: list[StoryResult] = field(default_factory=list)
+    # whether every tool was given, given back and put into its place
     whole: bool = False
-    reason: str = ""
-    seconds: float = 0.0
+    reason: str = ""  # what went wrong first; empty where nothing did
+    seconds: float = 0.0  # how long it took, pauses included [s]
 
     @property
     def contacts(self) -> int:

@@ -25,6 +25,11 @@ class CycleRecorder:
         self._at = at
         self._parts: list[StoryRecorder] = []
 
+    @property
+    def frames(self) -> int:
+        """How many moments it took."""
+        return sum(part.frames for part in self._parts)
+
     def add(self, run: StoryPlay, moment: StoryMoment) -> None:
         """Take a moment of a hand-over."""
         if not self._parts or self._parts[-1].run is not run:

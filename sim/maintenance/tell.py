@@ -21,6 +21,7 @@ from sim.maintenance.cases import (
 from sim.maintenance.play import CycleResult, MaintenancePlay, play_cycle
 from sim.maintenance.record import CycleRecorder
 from sim.people.whole_person import BASE_HEIGHT
+from sim.record import saved
 from sim.story.cases import slow_to_stop
 from sim.story.play import StoryMoment, StoryPlay, rehearse
 from sim.story.request import PANDA, DemoRequest
@@ -67,10 +68,11 @@ def tell_cycles(request: DemoRequest, cell_map: CellMap, reach: ReachMap) -> dic
     files: list[Path] = []
     cycles = []
     for seed in range(request.seed, request.seed + request.cycles):
-        recorder = CycleRecorder(at) if not cycles else None
-        result = _played(setups, at, seed, recorder, say)
+        recorder, first = CycleRecorder(at), not cycles
+        with saved(recorder, request.record if first else None, at_end=False):
+            result = _played(setups, at, seed, recorder if first else None, say)
         say(summary_of(result))
-        if recorder is not None:
+        if first:
             record = recorder.record()
             film = request.film or request.out / FILM
             look = LadderFilm(base_height=at.base_height)

@@ -26,14 +26,11 @@ class HumanArm:
     The shoulder frame has x to the front of the person, y to the left and z up. With
     all angles zero the arm hangs straight down. A left and a right arm look the
     same: two capsules, the second from the elbow to the finger tips.
-
-    Attributes:
-        lengths: (2,) shoulder to elbow, elbow to finger tips of a straight hand [m].
-        radii: (2,) radius of upper arm, and of forearm with hand [m].
     """
 
+    # (2,) shoulder to elbow, elbow to finger tips of a straight hand [m]
     lengths: np.ndarray
-    radii: np.ndarray
+    radii: np.ndarray  # (2,) radius of upper arm, and of forearm with hand [m]
 
     def __post_init__(self) -> None:
         for name in ("lengths", "radii"):

@@ -17,16 +17,12 @@ MARGIN = 0.98  # share of the speed limit that is used: the fastest moment is sa
 
 @dataclass(frozen=True)
 class Person:
-    """Whose arm moves, where its shoulder is, and how fast it may get.
+    """Whose arm moves, where its shoulder is, and how fast it may get."""
 
-    Attributes:
-        arm: Sizes of the arm.
-        p_base_shoulder: Place of the right shoulder in the robot's base frame [m].
-        max_speed: Speed limit of the surface [m/s]; None takes the motion's own.
-    """
-
-    arm: HumanArm
+    arm: HumanArm  # sizes of the arm
+    # place of the right shoulder in the robot's base frame [m]
     p_base_shoulder: tuple[float, float, float] = SHOULDER
+    # speed limit of the surface [m/s]; None takes the motion's own
     max_speed: float | None = None
 
     def capsules(self, p_shoulder_hand: np.ndarray) -> np.ndarray:
@@ -37,17 +33,13 @@ class Person:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """The hand's path from one place to the next, then a rest.
+    """The hand's path from one place to the next, then a rest."""
 
-    Attributes:
-        start, stop, bow: (3,) ends, and bulge of the path at its middle [m], all in
-            the shoulder frame.
-        duration, rest: Time to move and time to stay [s].
-    """
-
+    # (3,) ends, and bulge of the path at its middle [m], all in the shoulder frame
     start: np.ndarray
     stop: np.ndarray
     bow: np.ndarray
+    # time to move and time to stay [s]
     duration: float
     rest: float
 
@@ -59,20 +51,13 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class ScriptedMotion:
-    """A closed round of legs without end; a `sim.people.human_motion.HumanMotion`.
+    """A closed round of legs without end; a `sim.people.human_motion.HumanMotion`."""
 
-    Attributes:
-        name: Name of the motion.
-        max_speed: No point of the surface advances faster than this [m/s].
-        person: Whose arm it is.
-        legs: The round.
-        tremble: (3,) amplitude of a 5 Hz sine laid over it [m], shoulder frame.
-    """
-
-    name: str
-    max_speed: float
-    person: Person
-    legs: tuple[Leg, ...]
+    name: str  # name of the motion
+    max_speed: float  # no point of the surface advances faster than this [m/s]
+    person: Person  # whose arm it is
+    legs: tuple[Leg, ...]  # the round
+    # (3,) amplitude of a 5 Hz sine laid over it [m], shoulder frame
     tremble: np.ndarray
 
     def __post_init__(self) -> None:

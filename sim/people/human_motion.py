@@ -120,15 +120,10 @@ def intrusion(person: Person, rng: np.random.Generator) -> ScriptedMotion:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """Several people at once; a HumanMotion of all their capsules.
-
-    Attributes:
-        name: Name of the motion.
-        motions: One for each person.
-    """
+    """Several people at once; a HumanMotion of all their capsules."""
 
     name: str
-    motions: tuple[HumanMotion, ...]
+    motions: tuple[HumanMotion, ...]  # one for each person
 
     @property
     def max_speed(self) -> float:

@@ -23,45 +23,38 @@ _BACKS = (0.30, 0.20, 0.15)  # [m] ... and waits there
 _LOOKED_AT = 40  # grasps that are looked at in one attempt, nearest first
 _KEEPS = 0.0  # [m] from the cover, which is 2 cm thicker than the robot
 _CLEARS = 0.03  # [m] of what was given to the robot, where the arm comes to rest
+_PULLS_AFTER = 0.3  # [s] from the first touch to the pull
 _STILL = 0.002  # [m] between two looks
 _AT = 0.004  # [rad] an arm is there
 
 
 @dataclass(frozen=True)
 class PartnerTraits:
-    """How somebody behaves, drawn for each run.
+    """How somebody behaves, drawn for each run."""
 
-    Attributes:
-        hand_speed: Peak of the hand's speed [m/s].
-        delay_s: From seeing that it is time to moving [s].
-        pull: Force of the pull [N]; 0: never pulls.
-        pull_ramp: How quickly it grows [N/s].
-        bump: Of the first touch [N], for 40 ms.
-        noise: Of the wrist's sensor, one sigma [N].
-        tremble: Amplitude of the joints' tremor [rad].
-        withdraws_at: Share of the reach at which the hand is drawn back once; 0: not.
-        withdrawn_s: For how long it stays back [s].
-        leaves_s: When the person walks off [s]; infinite: not.
-        drops_s: When somebody knocks the object out of the fingers [s]; infinite: not.
-        lets_go: "when held", "early" or "never", of what is given to the robot.
-        slack_s: A receiver stops pulling as the fingers begin to open, for so long [s].
-        pulls_early: Whether a receiver grabs the object while the robot still moves.
-    """
-
-    hand_speed: float = 0.7
-    delay_s: float = 0.4
-    pull: float = 10.0
-    pull_ramp: float = 25.0
-    bump: float = 25.0
-    noise: float = 0.4
-    tremble: float = 0.003
+    hand_speed: float = 0.7  # peak of the hand's speed [m/s]
+    delay_s: float = 0.4  # from seeing that it is time to moving [s]
+    pull: float = 10.0  # force of the pull [N]; 0: never pulls
+    pull_ramp: float = 25.0  # how quickly it grows [N/s]
+    bump: float = 25.0  # of the first touch [N], for 40 ms
+    noise: float = 0.4  # of the wrist's sensor, one sigma [N]
+    tremble: float = 0.003  # amplitude of the joints' tremor [rad]
+    # share of the reach at which the hand is drawn back once; 0: not
     withdraws_at: float = 0.0
-    withdrawn_s: float = 1.5
-    leaves_s: float = np.inf
+    withdrawn_s: float = 1.5  # for how long it stays back [s]
+    leaves_s: float = np.inf  # when the person walks off [s]; infinite: not
+    # when somebody knocks the object out of the fingers [s]; infinite: not
     drops_s: float = np.inf
+    # "when held", "early" or "never", of what is given to the robot
     lets_go: str = "when held"
+    # a receiver stops pulling as the fingers begin to open, for so long [s]
     slack_s: float = 0.0
+    # whether a receiver grabs the object while the robot still moves
     pulls_early: bool = False
+
+    def pull_after(self, held_s: float) -> float:
+        """Return how hard the object is pulled [N] so long after it was touched [s]."""
+        return min(self.pull, max(0.0, (held_s - _PULLS_AFTER) * self.pull_ramp))
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "PartnerTraits":
@@ -226,8 +219,7 @@ class Partner:
         t = self.traits
         if t.slack_s and fingers == "open" and self._slack_from == np.inf:
             self._slack_from = now
-        passed = now - self._touched
-        self.pull = min(t.pull, max(0.0, (passed - 0.3) * t.pull_ramp))
+        self.pull = t.pull_after(now - self._touched)
         if self._slack_from <= now < self._slack_from + t.slack_s:
             self.pull = 0.0
 
@@ -466,6 +458,5 @@ class RecordedPartner:
         if self.holds and held:
             T = self.human.T_world_hand(self.side)
             self._T_hand_object = np.linalg.inv(T) @ T_object
-            grown = (now - self.bump_at - 0.3) * self.traits.pull_ramp
-            self.pull = min(self.traits.pull, max(0.0, grown))
+            self.pull = self.traits.pull_after(now - self.bump_at)
         return self.human

@@ -12,16 +12,11 @@ from sim.people.human_motion import HumanMotion
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A motion of a person who stands elsewhere; a HumanMotion.
+    """A motion of a person who stands elsewhere; a HumanMotion."""
 
-    Attributes:
-        motion: The motion as it was written.
-        yaw: By how much it is turned about the z axis of the base [rad].
-        offset: (3,) how far it is moved then [m].
-    """
-
-    motion: HumanMotion
-    yaw: float = 0.0
+    motion: HumanMotion  # the motion as it was written
+    yaw: float = 0.0  # by how much it is turned about the z axis of the base [rad]
+    # (3,) how far it is moved then [m]
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:

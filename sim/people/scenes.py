@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.arrays import freeze
-from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.geometry.gaps import ball_gaps
+from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person, Round
@@ -31,36 +31,14 @@ SCRIPTED_FOR = (0.42, 0.0, 0.23)
 NEAR = 0.10  # what lies nearer to it than this leaves the person where it is [m]
 
 
-@dataclass(frozen=True, eq=False)
-class Cover:
-    """The spheres of a robot that waits.
+def robot_balls(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return (n, 4) the moving spheres of a robot's cover at q (dof,) [m]."""
+    return cover_balls(robot, q)[robot.moving]
 
-    Attributes:
-        centers: (n, 3) of its moving links [m].
-        radii: (n,) [m].
-    """
 
-    centers: np.ndarray
-    radii: np.ndarray
-
-    def __post_init__(self) -> None:
-        freeze(self, centers=float, radii=float)
-
-    @classmethod
-    def of(cls, robot: Robot, q: np.ndarray) -> "Cover":
-        """Return the moving spheres of a robot at q, (dof,)."""
-        moving = robot.moving
-        return cls(sphere_centers(robot, q)[moving], robot.spheres[moving, 3])
-
-    def gap(self, capsules: np.ndarray) -> float:
-        """Return the distance of the cover from capsules (k, 7) [m]."""
-        begin, along = capsules[:, None, :3], capsules[:, None, 3:6]
-        along = along - begin
-        length2 = np.maximum((along**2).sum(axis=2), 1e-12)
-        share = ((self.centers - begin) * along).sum(axis=2) / length2
-        nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
-        off = np.linalg.norm(self.centers - nearest, axis=2) - self.radii
-        return float((off - capsules[:, None, 6]).min(initial=np.inf))
+def gap_from(balls: np.ndarray, capsules: np.ndarray) -> float:
+    """Return the distance of balls (n, 4) from capsules (k, 7) [m]."""
+    return float(ball_gaps(balls, capsules).min(initial=np.inf))
 
 
 @dataclass(frozen=True)
@@ -68,24 +46,18 @@ class Stand:
     """An arm before a work place, seen in a frame turned about the base's z axis.
 
     In that frame the tool is at (r, 0, z) and the person looks along -x.
-
-    Attributes:
-        person: Whose arm it is, its shoulder in the turned frame.
-        p_tool: (x, y, z) of the tool in the turned frame [m].
-        yaw: Angle of the turned frame in the robot's base [rad].
-        cover: The robot that stands there; None where it is not known.
-        home: The hand rests so far outward from the tool [m].
     """
 
-    person: Person
-    p_tool: tuple[float, float, float]
-    yaw: float
-    cover: Cover | None = None
-    home: float = HOME
+    person: Person  # whose arm it is, its shoulder in the turned frame
+    p_tool: tuple[float, float, float]  # (x, y, z) of the tool in the turned frame [m]
+    yaw: float  # angle of the turned frame in the robot's base [rad]
+    # (n, 4) balls of the robot that stands there [m]; None where it is not known
+    cover: np.ndarray | None = None
+    home: float = HOME  # the hand rests so far outward from the tool [m]
 
     @classmethod
     def before(
-        cls, person: Person, p_base_tool: np.ndarray, cover: Cover | None = None
+        cls, person: Person, p_base_tool: np.ndarray, cover: np.ndarray | None = None
     ) -> "Stand":
         """Return the stand of a person in front of a tool, (3,) in the base [m].
 
@@ -96,10 +68,10 @@ class Stand:
         shoulder = tuple(float(v) for v in np.add(p_tool, SHOULDER))
         there = replace(person, p_base_shoulder=shoulder)
         near = cls(there, p_tool, float(np.arctan2(y, x)), cover)
-        steps = np.arange(0.0, 0.6, 0.05).tolist() if cover else [0.0]
-        stands = [near.backward(step) for step in steps]
-        clear = (s for s in stands if not cover or s.gap(s.home) >= CLEAR)
-        return next(clear, stands[-1])
+        if cover is None:
+            return near
+        stands = [near.backward(step) for step in np.arange(0.0, 0.6, 0.05).tolist()]
+        return next((s for s in stands if s.gap(s.home) >= CLEAR), stands[-1])
 
     def backward(self, step: float) -> "Stand":
         """Return the stand of one who stands so much farther outward [m]."""
@@ -118,7 +90,7 @@ class Stand:
 
     def gap(self, outward: float) -> float:
         """Return how far an arm whose hand is there is from the robot [m]."""
-        return self.cover.gap(self.capsules(outward))
+        return gap_from(self.cover, self.capsules(outward))
 
     def stop(self, gap: float) -> float:
         """Return the first place on the way in that leaves no more than a gap [m]."""
@@ -134,17 +106,11 @@ class Stand:
 
 @dataclass(frozen=True)
 class Cue:
-    """One move of a hand.
+    """One move of a hand."""
 
-    Attributes:
-        outward: How far from the tool it ends [m].
-        speed: Its peak [m/s].
-        rest: Time to stay there [s].
-    """
-
-    outward: float
-    speed: float
-    rest: float
+    outward: float  # how far from the tool it ends [m]
+    speed: float  # its peak [m/s]
+    rest: float  # time to stay there [s]
 
 
 def play(name: str, stand: Stand, begin: float, *cues: Cue) -> Placed:
@@ -208,17 +174,11 @@ SCENES = {"hold": hold, "backoff": backoff, "escape": escape}
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One of `SCENES`; a HumanMotion, played where `before` puts it.
-
-    Attributes:
-        name: Its name.
-        person: Sizes and speed limit of the arms; where they stand follows.
-        arms: The arms, for work places of a table in front of the robot.
-    """
+    """One of `SCENES`; a HumanMotion, played where `before` puts it."""
 
     name: str
-    person: Person
-    arms: Together
+    person: Person  # sizes and speed limit of the arms; where they stand follows
+    arms: Together  # the arms, for work places of a table in front of the robot
     film_s = 12.0  # the first so many seconds show it [s]
 
     @property
@@ -238,7 +198,7 @@ class Scene:
             places: (n, dof) its work places; the first two are used.
         """
         tools = [tool_pose(robot, q)[:3, 3] for q in places[:2]]
-        covers = [Cover.of(robot, q) for q in places[:2]]
+        covers = [robot_balls(robot, q) for q in places[:2]]
         waiting, goal = map(Stand.before, [self.person] * 2, tools, covers)
         return staged(self.name, self.person, waiting, goal)
 

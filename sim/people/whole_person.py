@@ -29,18 +29,13 @@ _ASIDE = 0.35  # largest bearing of a place, seen from the robot [rad]
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Places a person stands at, one after the other, for ever.
+    """Places a person stands at, one after the other, for ever."""
 
-    Attributes:
-        places: (n, 2) distance of the pelvis from the robot's base [m] and bearing
-            [rad]; the person faces the base.
-        times: (n,) when the stay at each ends [s].
-        last: When the round begins again [s].
-    """
-
+    # (n, 2) distance of the pelvis from the robot's base [m] and bearing [rad]; the
+    # person faces the base
     places: np.ndarray
-    times: np.ndarray
-    last: float
+    times: np.ndarray  # (n,) when the stay at each ends [s]
+    last: float  # when the round begins again [s]
 
     @classmethod
     def drawn(cls, near: float, far: float, rng: np.random.Generator) -> "Walk":

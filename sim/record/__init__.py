@@ -3,7 +3,7 @@
 from sim.record.again import run_again
 from sim.record.compare import Difference, first_difference
 from sim.record.file import is_record, read_record, write_record
-from sim.record.recorder import Recorder, recording
+from sim.record.recorder import Recorder, recording, saved
 from sim.record.run_record import RunRecord
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "read_record",
     "recording",
     "run_again",
+    "saved",
     "write_record",
 ]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -279,11 +280,29 @@ def recording(
         yield None
         return
     recorder = Recorder(loop, cell_map, beside)
+    with saved(recorder, path):
+        yield recorder
+
+
+@contextmanager
+def saved(recorder: Any, path: Path | None, at_end: bool = True) -> Iterator[None]:
+    """Write what a recorder takes in here to a file, also on Ctrl-C or an error.
+
+    Args:
+        recorder: Has `frames`, how many it took, and `record()`.
+        path: The file, which is told on stderr; None: nothing is written.
+        at_end: Without it nothing is written where all went well: somebody else does.
+    """
+    if path is None:
+        yield
+        return
+    writes = True
     with interrupt.patience(_WRITING):
         try:
-            yield recorder
+            yield
+            writes = at_end
         finally:
-            if recorder.frames:
+            if writes and recorder.frames:
                 write_record(recorder.record(), path)
                 with suppress(OSError):  # of a terminal that is gone
                     print(f"{recorder.frames:,} frames in {path}", file=sys.stderr)

@@ -19,16 +19,11 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True)
 class Place:
-    """Where chunks are done.
+    """Where chunks are done."""
 
-    Attributes:
-        workers: Processes of a cluster that is made here; 0: none.
-        scheduler: Address of a cluster that runs; None: none.
-        shared: Folder that its workers see, too; None: results come over the network.
-    """
-
-    workers: int = 0
-    scheduler: str | None = None
+    workers: int = 0  # processes of a cluster that is made here; 0: none
+    scheduler: str | None = None  # address of a cluster that runs; None: none
+    # folder that its workers see, too; None: results come over the network
     shared: Path | None = None
 
 

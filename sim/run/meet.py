@@ -18,10 +18,8 @@ from handover import (
     chain_of,
     load_reach_map,
 )
-from handover.meet.constraints import ClearOf
 from handover.meet.find import check_same_robot
 from handover.meet.held_object import HeldObject
-from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import WITHDRAWN, LiveTargets
 from handover.targets.node_index import NodeIndex
@@ -42,7 +40,7 @@ from sim.people.whole_person import (
 from sim.run import places
 from sim.run.folders import REACH_MAPS, check_kind_of
 from sim.run.meet_audit import TargetAudit, Verdict, shares
-from sim.run.meet_loop import MeetLoop
+from sim.run.meet_loop import MeetLoop, meet_settings
 from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
 from sim.run.places import (
@@ -77,22 +75,15 @@ LIVE = LiveSettings(
 
 @dataclass(frozen=True, eq=False)
 class MeetSetup:
-    """What a run needs besides the person.
+    """What a run needs besides the person."""
 
-    Attributes:
-        cell_map, reach: The robot's map and its reach map.
-        obj: What it holds.
-        index: Nodes by pose of the tool.
-        rest: (dof,) where it begins and waits.
-        scene: File of what else stands around; None: nothing.
-    """
-
+    # the robot's map and its reach map
     cell_map: CellMap
     reach: ReachMap
-    obj: HeldObject
-    index: NodeIndex
-    rest: np.ndarray
-    scene: Path | None = None
+    obj: HeldObject  # what it holds
+    index: NodeIndex  # nodes by pose of the tool
+    rest: np.ndarray  # (dof,) where it begins and waits
+    scene: Path | None = None  # file of what else stands around; None: nothing
 
     def planner(self) -> ReactivePlanner:
         """Return a planner of the map that knows the scene."""
@@ -107,8 +98,7 @@ class MeetSetup:
 
     def meet(self, human: Human, side: str) -> InteractionWorkspace:
         """Return a workspace of its own."""
-        clear = (ClearOf(self.cell_map.scenery),)
-        settings = MeetSettings(side=side, quality=QUALITY, constraints=clear)
+        settings = meet_settings(self.cell_map, side, QUALITY)
         return InteractionWorkspace(self.reach, human, self.obj, GRASPS, settings)
 
     def loop(

@@ -8,10 +8,8 @@ from handover import Human
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.live_targets import with_arm_at_rest
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_goals import TargetGoals
+from handover.targets.target_goals import TargetGoals, goal_trouble
 from odm import CellMap, Obstacles, ReactivePlanner
-from odm.frame.freedom import check_valid
-from roadmap.errors import BadConfiguration
 
 RANKED = 20  # targets that are tried, best first
 _ATTEMPTS, _STEPS = 8, 100  # of the inverse kinematics, for each
@@ -21,23 +19,15 @@ _SAME = 1e-6  # qualities that differ by less are one
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found in one frame.
+    """What was found in one frame."""
 
-    Attributes:
-        time_s: Of the frame [s].
-        pursued: Cell of the target pursued, None: none.
-        quality: Its quality by the audit's own workspace; 0: it is none.
-        top: Cell of the best target that can be reached, None: none of `RANKED`.
-        top_quality: Its quality.
-        rank: How many better ones were tried and cannot be reached.
-    """
-
-    time_s: float
-    pursued: int | None
-    quality: float
+    time_s: float  # of the frame [s]
+    pursued: int | None  # cell of the target pursued, None: none
+    quality: float  # its quality by the audit's own workspace; 0: it is none
+    # cell of the best target that can be reached, None: none of `RANKED`
     top: int | None
-    top_quality: float
-    rank: int
+    top_quality: float  # its quality
+    rank: int  # how many better ones were tried and cannot be reached
 
 
 class TargetAudit:
@@ -116,13 +106,8 @@ class TargetAudit:
             position_tolerance=1e-4,
             rotation_tolerance=1e-3,
         )
-        good = []
-        for one in found:
-            try:
-                check_valid(self.planner.static, one.q, "it")
-            except BadConfiguration:
-                continue
-            good.append(one.q)
+        static = self.planner.static
+        good = [one.q for one in found if goal_trouble(static, one.q) is None]
         return good[:_GOALS]
 
 

@@ -4,10 +4,21 @@ from collections.abc import Callable
 
 import numpy as np
 
-from handover import Human
+from handover import Human, QualitySettings
+from handover.meet.constraints import ClearOf
+from handover.meet.settings import MeetSettings
 from handover.targets.live_targets import THERE, WITHDRAWN, LiveTargets, Pursuit
+from odm import CellMap
 from roadmap.kinematics.forward import difference, tool_pose
 from sim.loop.loop import ARRIVED, Loop, LoopSettings
+
+
+def meet_settings(
+    cell_map: CellMap, side: str, quality: QualitySettings
+) -> MeetSettings:
+    """Return where a run looks for targets: nowhere in what stands around the robot."""
+    clear = (ClearOf(cell_map.scenery),)
+    return MeetSettings(side=side, quality=quality, constraints=clear)
 
 
 class MeetPlanner:

@@ -5,7 +5,6 @@ from dataclasses import asdict
 import numpy as np
 
 from handover import Human, QualitySettings, ReachMap
-from handover.meet.settings import MeetSettings
 from handover.meet.workspace import InteractionWorkspace
 from handover.targets.live_targets import (
     BLOCKED,
@@ -39,7 +38,7 @@ from sim.record.people import (
 from sim.record.record_check import BadRecord
 from sim.record.recorder import Column, Recorder
 from sim.record.run_record import TARGETS, RunRecord
-from sim.run.meet_loop import MeetLoop
+from sim.run.meet_loop import MeetLoop, meet_settings
 
 STATES = (THERE, UNDER_WAY, BLOCKED, NOBODY, WITHDRAWN)
 PERSON = "person."  # what the arrays of the person begin with
@@ -136,7 +135,7 @@ def _loop(record: RunRecord, cell_map: CellMap, reach: ReachMap) -> MeetLoop:
     head, told = record.head, record.head["targets"]
     planner, person = planner_of(record, cell_map), ReplayedWholePerson(record)
     quality = known(QualitySettings, told["quality"])
-    settings = MeetSettings(side=told["side"], quality=quality)
+    settings = meet_settings(cell_map, told["side"], quality)
     obj, someone = held_of(told["held"]), person.human(0.0)
     meet = InteractionWorkspace(reach, someone, obj, told["grasps"], settings)
     choice = known(ChoiceSettings, told["live"]["choice"])

@@ -31,18 +31,13 @@ class PlannedAgent:
 
 @dataclass(frozen=True, eq=False)
 class PlayedPlan:
-    """What a plan's file says stands and moves; no scene is drawn anew for it.
+    """What a plan's file says stands and moves; no scene is drawn anew for it."""
 
-    Attributes:
-        record: The file, see `handover.scenes.plan_file`.
-        giver, receiver: Both agents.
-        scenery: Furniture and floor.
-    """
-
-    record: Mapping
+    record: Mapping  # the file, see `handover.scenes.plan_file`
+    # both agents
     giver: PlannedAgent
     receiver: PlannedAgent
-    scenery: tuple[Fixture, ...]
+    scenery: tuple[Fixture, ...]  # furniture and floor
 
     def object_shapes(self, T_world_object: np.ndarray) -> list[Shape]:
         """Return the object's parts at a pose (4, 4), world frame [m]."""

@@ -40,9 +40,6 @@ _MEET_ONLY = ("reach", "between", "held", "side", "dwell")
 class RunRequest:
     """What `odm run` is asked for; its fields are the flags, but for one.
 
-    Attributes:
-        audit_s: Time from audit to audit of the target pursued [s]; 0: none. No flag.
-
     Raises:
         BadInput: Options that do not go together, or a value that is no choice.
     """
@@ -158,6 +155,7 @@ class RunRequest:
     host: Host = None
     token: Token = None
     json: Json = None
+    # time from audit to audit of the target pursued [s]; 0: none; no flag
     audit_s: float = 1.0
 
     def __post_init__(self) -> None:

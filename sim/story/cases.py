@@ -69,24 +69,16 @@ LIVE = LiveSettings(
 
 @dataclass(frozen=True)
 class StoryCase:
-    """One run.
+    """One run."""
 
-    Attributes:
-        direction: "give" or "receive".
-        seed: Of the traits' noise.
-        distance: Of the person from the robot's base [m].
-        bearing: Seen from the robot [rad].
-        height: Of the person [m].
-        traits: How the person behaves.
-        base_height: Of the robot's base above the floor of the person [m].
-    """
-
-    direction: str = "give"
-    seed: int = 0
-    distance: float = 0.9
-    bearing: float = 0.0
-    height: float = 1.75
+    direction: str = "give"  # "give" or "receive"
+    seed: int = 0  # of the traits' noise
+    distance: float = 0.9  # of the person from the robot's base [m]
+    bearing: float = 0.0  # seen from the robot [rad]
+    height: float = 1.75  # of the person [m]
+    # how the person behaves
     traits: PartnerTraits = field(default_factory=PartnerTraits)
+    # of the robot's base above the floor of the person [m]
     base_height: float = BASE_HEIGHT
 
     @classmethod
@@ -149,31 +141,21 @@ def holder_at(T_place: np.ndarray, table: float = 0.0) -> Box:
 
 @dataclass(frozen=True, eq=False)
 class StorySetup:
-    """What all runs share.
+    """What all runs share."""
 
-    Attributes:
-        cell_map, reach: The robot's map and its reach map.
-        obj: What is handed over.
-        index: Roadmap nodes by pose of the tool.
-        rest: (dof,) where the robot begins and waits.
-        side: The person's hand.
-        pads: Links that may touch an object.
-        T_place: (4, 4) the object's place on the table; None: none.
-        T_others: (n, 4, 4) other places on it, where it is put down when that one is
-            not free.
-        table: How high the table is, base frame [m].
-    """
-
+    # the robot's map and its reach map
     cell_map: CellMap
     reach: ReachMap
-    obj: HeldObject
-    index: NodeIndex
-    rest: np.ndarray
-    side: str = "right"
-    pads: tuple[str, ...] = FINGERS
+    obj: HeldObject  # what is handed over
+    index: NodeIndex  # roadmap nodes by pose of the tool
+    rest: np.ndarray  # (dof,) where the robot begins and waits
+    side: str = "right"  # the person's hand
+    pads: tuple[str, ...] = FINGERS  # links that may touch an object
+    # (4, 4) the object's place on the table; None: none
     T_place: np.ndarray | None = None
+    # (n, 4, 4) other places on it, where it is put down when that one is not free
     T_others: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 4)))
-    table: float = 0.0
+    table: float = 0.0  # how high the table is, base frame [m]
 
     def places(self) -> np.ndarray | None:
         """Return (n, 4, 4) all places of the object, its own first; None: none."""
@@ -490,15 +472,10 @@ class InReachSettings(CheckedSettings):
 
 @dataclass(frozen=True, eq=False)
 class InReach:
-    """A target that is in reach by exact geometry.
+    """A target that is in reach by exact geometry."""
 
-    Attributes:
-        target: The target.
-        q: (dof,) the robot there [rad or m].
-    """
-
-    target: Target
-    q: np.ndarray
+    target: Target  # the target
+    q: np.ndarray  # (dof,) the robot there [rad or m]
 
 
 def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:

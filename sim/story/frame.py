@@ -138,44 +138,33 @@ def _nearest_pose(T: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A frame, worked out.
+    """A frame, worked out."""
 
-    Attributes:
-        frame: What was given.
-        there: All shapes: the person's parts, then the object's where it is `loose`.
-        threat: Where they may be soon; None: there are no shapes.
-        people: How many of the shapes are the person's: they come first.
-        labels: (people,) `handover.Part` of each.
-        hand, arm: Which of them are the hand, and the arm, that takes part.
-        obj: (k, 7) the object's capsules [m]; None: it is not seen.
-        loose: Whether the object is a thing by itself: it is seen, not held, and
-            nothing is between the fingers, which what is there moves with.
-        hand_gap: From the receiving hand to the object [m].
-        instead: How far the person's other hand is held out, and farther than that
-            one, compared with the first frame that showed it, for who gives [m].
-        T_object: (4, 4) where the object is to be taken: with a noisy sensor its mean
-            place of late [m]; None: it is not seen.
-        object_speed: [m/s].
-        dt: Time since the frame before, as far as it counts [s]; 0 where nobody knows
-            where the person is.
-        stamp: When the shapes were seen [s].
-    """
-
-    frame: StoryFrame
+    frame: StoryFrame  # what was given
+    # all shapes: the person's parts, then the object's where it is `loose`
     there: Obstacles
-    threat: Threat | None
-    people: int
-    labels: np.ndarray
+    threat: Threat | None  # where they may be soon; None: there are no shapes
+    people: int  # how many of the shapes are the person's: they come first
+    labels: np.ndarray  # (people,) `handover.Part` of each
+    # which of them are the hand, and the arm, that takes part
     hand: np.ndarray
     arm: np.ndarray
-    obj: np.ndarray | None
+    obj: np.ndarray | None  # (k, 7) the object's capsules [m]; None: it is not seen
+    # whether the object is a thing by itself: it is seen, not held, and nothing is
+    # between the fingers, which what is there moves with
     loose: bool
-    hand_gap: float
+    hand_gap: float  # from the receiving hand to the object [m]
+    # how far the person's other hand is held out, and farther than that one, compared
+    # with the first frame that showed it, for who gives [m]
     instead: float
+    # (4, 4) where the object is to be taken: with a noisy sensor its mean place of late
+    # [m]; None: it is not seen
     T_object: np.ndarray | None
-    object_speed: float
+    object_speed: float  # [m/s]
+    # time since the frame before, as far as it counts [s]; 0 where nobody knows where
+    # the person is
     dt: float
-    stamp: float
+    stamp: float  # when the shapes were seen [s]
 
     @property
     def person(self) -> np.ndarray:

@@ -23,21 +23,13 @@ _GRASPING = GraspingSettings()
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A configuration at an object, and one straight before it.
+    """A configuration at an object, and one straight before it."""
 
-    Attributes:
-        q: (dof,) at the object [rad or m].
-        q_before: (dof,) `back` or more before it, along the tool's z.
-        T_tool_object: (4, 4) how the object is held there.
-        grasp: Which of the grasps that is.
-        room: How much more than the clearance the cover keeps from the object at
-            `q_before` [m].
-    """
-
-    q: np.ndarray
-    q_before: np.ndarray
-    T_tool_object: np.ndarray
-    grasp: int = 0
+    q: np.ndarray  # (dof,) at the object [rad or m]
+    q_before: np.ndarray  # (dof,) `back` or more before it, along the tool's z
+    T_tool_object: np.ndarray  # (4, 4) how the object is held there
+    grasp: int = 0  # which of the grasps that is
+    # how much more than the clearance the cover keeps from the object at `q_before` [m]
     room: float = np.inf
 
 

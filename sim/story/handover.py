@@ -718,10 +718,13 @@ class Handover:
         if taken is not None and not self._give:
             near = np.abs(difference(self.planner.robot, q, taken.q)).max()
             back = taken.q_before if near < 0.5 else None
-        if back is None:
-            T = self.hand.T_base_tool()
-            back = straight_back(self.planner, T, q, self.settings.back)
+        back = self._way_back(q) if back is None else back
         return [*first, rest] if back is None else [*first, Step("back", back), rest]
+
+    def _way_back(self, q: np.ndarray) -> np.ndarray | None:
+        """Return (dof,) straight back along the tool's axis from q; None: none."""
+        T = self.hand.T_base_tool()
+        return straight_back(self.planner, T, q, self.settings.back)
 
     def _plan(self, seen: Seen, q: np.ndarray) -> object:
         """Answer the frame, as the step asks for it."""
@@ -779,8 +782,7 @@ class Handover:
         """
         if seen.obj is None or self._is_clear_of(seen.obj):
             return False
-        q, T = self.executor.set_point.q, self.hand.T_base_tool()
-        back = straight_back(self.planner, T, q, self.settings.back)
+        back = self._way_back(self.executor.set_point.q)
         if back is None:
             return False
         self._begin_steps([Step("back", back), *self._steps[self._at :]])

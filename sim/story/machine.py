@@ -22,21 +22,13 @@ DIRECTIONS = "give", "receive"
 
 @dataclass(frozen=True)
 class Row:
-    """One way from a state.
+    """One way from a state."""
 
-    Attributes:
-        state: Where it begins.
-        signal: What must hold in a frame; see `SIGNALS`.
-        then: Where it leads.
-        reason: What happened, as a person says it.
-        failure: Whether that is something that went wrong.
-    """
-
-    state: str
-    signal: str
-    then: str
-    reason: str
-    failure: bool = False
+    state: str  # where it begins
+    signal: str  # what must hold in a frame; see `SIGNALS`
+    then: str  # where it leads
+    reason: str  # what happened, as a person says it
+    failure: bool = False  # whether that is something that went wrong
 
 
 SIGNALS = {
@@ -182,21 +174,13 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class StoryEvent:
-    """What happened.
+    """What happened."""
 
-    Attributes:
-        time_s: When [s].
-        state: The state it led to.
-        signal: What led there.
-        reason: The same as a person says it.
-        failure: Whether something went wrong.
-    """
-
-    time_s: float
-    state: str
-    signal: str
-    reason: str
-    failure: bool = False
+    time_s: float  # when [s]
+    state: str  # the state it led to
+    signal: str  # what led there
+    reason: str  # the same as a person says it
+    failure: bool = False  # whether something went wrong
 
 
 class Machine:

@@ -120,17 +120,15 @@ class Placing:
                 "T_base_place, or another grasp T_tool_object"
             )
         self._used = look, 0
-        return self._fetching_by(look.found[0])
+        return self._steps_by(look.found[0], fetches=True)
 
-    def _fetching_by(self, reach: Reach) -> list[Step]:
-        self.hand.T_tool_object = reach.T_tool_object
+    def _steps_by(self, reach: Reach, fetches: bool) -> list[Step]:
+        """Return the steps that fetch the object by a grasp, or put it down."""
         above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
         up = Step("line", reach.q_before)
-        return [above, at, Step("grip", CLOSED), Step("take"), up]
-
-    def _putting_down_by(self, reach: Reach) -> list[Step]:
-        above, at = Step("goal", [reach.q_before]), Step("line", reach.q)
-        up = Step("line", reach.q_before)
+        if fetches:
+            self.hand.T_tool_object = reach.T_tool_object
+            return [above, at, Step("grip", CLOSED), Step("take"), up]
         return [above, at, Step("grip", OPEN), Step("let"), up]
 
     def putting_down(self, seen: Seen | None, progress: Progress) -> list[Step]:
@@ -224,7 +222,7 @@ class Placing:
         self.view.at_place = False
         waited = self.settings.blocked_s if self.places.now == 0 else 0.0
         if free:
-            return self._putting_down_by(reach)
+            return self._steps_by(reach, fetches=False)
         if k + 1 < len(look.found):
             self._used = look, k + 1
         elif not look.over:
@@ -264,8 +262,7 @@ class Placing:
             return []
         k = (k + 1) % len(look.found)
         self._used = look, k
-        steps_by = self._fetching_by if fetches else self._putting_down_by
-        return steps_by(look.found[k])
+        return self._steps_by(look.found[k], fetches)
 
     def signals(self, over: bool, ended: bool) -> dict[str, bool]:
         """Return what holds of the places; see `machine.SIGNALS`.

@@ -16,7 +16,7 @@ from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import TOUCHED
 from odm.obstacles.obstacles import Obstacles
 from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
-from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.kinematics.forward import cover_balls, sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
 from sim.loop.warmup import exercise
@@ -40,86 +40,59 @@ _EXACT = 0.04  # [m] nearer than this by the cover, the exact distance is asked 
 
 @dataclass(frozen=True, eq=False)
 class StoryMoment:
-    """One frame of a run.
+    """One frame of a run."""
 
-    Attributes:
-        now: Time [s].
-        q, dq, ddq: (dof,) the set-point.
-        capsules: (k, 7) the person [m].
-        state, reason: Of the story.
-        fingers: How far they are open, 0 to 1.
-        holding: Whether the robot counts the object as its own.
-        T_object: (4, 4) where it is; None: it has fallen.
-        separation: Of robot and person, without the object [m].
-        pace: What the executor does.
-        status: Of the planner's answer.
-        cpu_s: Computing time of the frame [s].
-        force: What the pull detector feels [N].
-        frame: What the story was given.
-    """
-
-    now: float
+    now: float  # time [s]
+    # (dof,) the set-point
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    capsules: np.ndarray
+    capsules: np.ndarray  # (k, 7) the person [m]
+    # of the story
     state: str
     reason: str
-    fingers: float
-    holding: bool
-    T_object: np.ndarray | None
-    separation: float
-    pace: str
-    status: str
-    cpu_s: float
-    force: float
-    frame: StoryFrame
+    fingers: float  # how far they are open, 0 to 1
+    holding: bool  # whether the robot counts the object as its own
+    T_object: np.ndarray | None  # (4, 4) where it is; None: it has fallen
+    separation: float  # of robot and person, without the object [m]
+    pace: str  # what the executor does
+    status: str  # of the planner's answer
+    cpu_s: float  # computing time of the frame [s]
+    force: float  # what the pull detector feels [N]
+    frame: StoryFrame  # what the story was given
 
 
 @dataclass
 class StoryResult:
-    """What came of a run.
+    """What came of a run."""
 
-    Attributes:
-        case: Who stood where.
-        in_reach: Whether the hand-over was in reach, as told before.
-        state, outcome: How it ended.
-        events: All that happened.
-        handed_s: When the object changed hands [s]; None: it did not.
-        ended_s: When it was over [s]; None: the time was up.
-        contacts: Frames in which a robot that moved touched the person, the object
-            apart.
-        standing_contacts: The same of a robot that stood: the person came to it.
-        object_contacts: Frames in which the object in the robot's hand touched
-            something else than the arm that takes part.
-        closest: Smallest separation [m].
-        stops, path_changes: How often.
-        fastest_near: Fastest point of the robot within 0.3 m of the person [m/s].
-        acceleration, jerk: The largest share of a joint's limit that was used, through
-            every replan and release; the jerk is the mean of a frame.
-        beyond: Frames in which one of them was more than its limit.
-        cpu_s: Of each frame [s].
-    """
-
-    case: StoryCase
-    in_reach: bool
+    case: StoryCase  # who stood where
+    in_reach: bool  # whether the hand-over was in reach, as told before
+    # how it ended
     state: str = ""
     outcome: str = ""
     reason: str = ""
-    events: list[StoryEvent] = field(default_factory=list)
-    handed_s: float | None = None
-    ended_s: float | None = None
+    events: list[StoryEvent] = field(default_factory=list)  # all that happened
+    handed_s: float | None = None  # when the object changed hands [s]; None: it did not
+    ended_s: float | None = None  # when it was over [s]; None: the time was up
+    # frames in which a robot that moved touched the person, the object apart
     contacts: int = 0
-    standing_contacts: int = 0
+    standing_contacts: int = 0  # the same of a robot that stood: the person came to it
+    # frames in which the object in the robot's hand touched something else than the arm
+    # that takes part
     object_contacts: int = 0
-    closest: float = np.inf
+    closest: float = np.inf  # smallest separation [m]
+    # how often
     stops: int = 0
     path_changes: int = 0
+    # fastest point of the robot within 0.3 m of the person [m/s]
     fastest_near: float = 0.0
+    # the largest share of a joint's limit that was used, through every replan and
+    # release; the jerk is the mean of a frame
     acceleration: float = 0.0
     jerk: float = 0.0
-    beyond: int = 0
-    cpu_s: list[float] = field(default_factory=list)
+    beyond: int = 0  # frames in which one of them was more than its limit
+    cpu_s: list[float] = field(default_factory=list)  # of each frame [s]
 
     @property
     def handed_over(self) -> bool:
@@ -324,10 +297,7 @@ class StoryPlay:
     def _separation(self, q: np.ndarray, capsules: np.ndarray) -> float:
         """Return the distance of robot and person: exact where they are near [m]."""
         robot = self.planner.robot
-        centers, radii = sphere_centers(robot, q), robot.spheres[:, 3]
-        moving = robot.moving
-        balls = np.column_stack([centers, radii])[moving]
-        gap = float(ball_gaps(balls, capsules).min())
+        gap = float(ball_gaps(cover_balls(robot, q)[robot.moving], capsules).min())
         return self._audit(q, capsules) if gap < _EXACT else gap
 
     def _note(self, moment: StoryMoment) -> None:
@@ -350,11 +320,10 @@ class StoryPlay:
         self._stood = stands
         result.path_changes += moment.status == "replanned"
         self._note_limits(moment)
-        handed = table.RELEASE if self.case.direction == "give" else table.CLOSE
         if result.handed_s is None and self.index:
             last = story.events[-1] if story.events else None
             passed = last is not None and last.state == table.RETREAT
-            if passed and last.signal in ("open", "free") and handed:
+            if passed and last.signal in ("open", "free"):
                 result.handed_s = last.time_s
         if story.ended and result.ended_s is None:
             result.ended_s = moment.now

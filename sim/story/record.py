@@ -39,6 +39,11 @@ class StoryRecorder:
     def __init__(self, run: StoryPlay) -> None:
         self.run, self.moments = run, []
 
+    @property
+    def frames(self) -> int:
+        """How many moments it took."""
+        return len(self.moments)
+
     def add(self, moment: StoryMoment) -> None:
         """Take a moment."""
         self.moments.append(moment)

@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from handover.meet.held_object import HeldObject
+from handover.targets.target_goals import goal_trouble
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import Executor
-from odm.frame.freedom import check_valid
 from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadConfiguration, BadInput
+from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.known import known_robot
@@ -141,11 +141,8 @@ def box_of(obj: HeldObject) -> Shape:
 
 def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
     """Whether q can be a goal at all; `bare`: with nothing in the hand."""
-    try:
-        check_valid(planner.carrier.bare if bare else planner.static, q, "it")
-    except BadConfiguration:
-        return False
-    return True
+    static = planner.carrier.bare if bare else planner.static
+    return goal_trouble(static, q) is None
 
 
 class TooNear(NamedTuple):

@@ -19,7 +19,7 @@ from sim.loop.run_result import percentiles
 from sim.people.mocap import MocapSettings, load_mocap
 from sim.people.partner import PartnerTraits, RecordedPartner
 from sim.people.whole_person import RecordedPerson
-from sim.record import RunRecord, write_record
+from sim.record import RunRecord, saved, write_record
 from sim.story.cases import (
     PLACE_XY,
     StoryCase,
@@ -66,7 +66,31 @@ def tell_story(
         run = _run_of(request, setup, wrist, live.person if live else person)
     lasts = request.lasts(patience_with(cell_map.robot))
     say(said_before(setup, run, note, lasts))
-    recorder, told = StoryRecorder(run), 0
+    recorder = StoryRecorder(run)
+    with Bars("playing the hand-over"):
+        rehearse(setup)
+    result = _played(request, recorder, lasts, live, say)
+    wrist.close()
+    record = recorder.record()
+    # who moved the person has seen it
+    film = request.film or (None if live else request.out / FILM)
+    files = written(record, cell_map, request.record, film)
+    found = figures_of(result) | {"files": [str(f) for f in files]}
+    found["header"] = header(cell_map)
+    found["story_sha256"] = record.head["outcome"]["story_sha256"]
+    say("\n".join((summary_of(result), *map(str, files))))
+    return found
+
+
+def _played(
+    request: DemoRequest,
+    recorder: StoryRecorder,
+    lasts: float,
+    live: object | None,
+    say: Callable[[str], None],
+) -> StoryResult:
+    """Play the recorder's run; say what happens, or at the end where keys play."""
+    run, told = recorder.run, 0
 
     def tell(now: bool) -> None:
         nonlocal told
@@ -74,10 +98,11 @@ def tell_story(
             say(line_of(event))
             told += 1
 
-    with Bars("playing the hand-over"):
-        rehearse(setup)
     told_to = request.port, request.host, request.token, live is None
-    with StoryPage(run, *told_to) if request.view else nullcontext() as page:
+    with (
+        saved(recorder, request.record, at_end=False),
+        StoryPage(run, *told_to) if request.view else nullcontext() as page,
+    ):
 
         def hear(moment: StoryMoment) -> None:
             recorder.add(moment)
@@ -90,16 +115,7 @@ def tell_story(
         else:
             result = live.play(run, hear)
     tell(True)
-    wrist.close()
-    record = recorder.record()
-    # who moved the person has seen it
-    film = request.film or (None if live else request.out / FILM)
-    files = written(record, cell_map, request.record, film)
-    found = figures_of(result) | {"files": [str(f) for f in files]}
-    found["header"] = header(cell_map)
-    found["story_sha256"] = record.head["outcome"]["story_sha256"]
-    say("\n".join((summary_of(result), *map(str, files))))
-    return found
+    return result
 
 
 def object_of(request: DemoRequest) -> GraspObject | None:

@@ -10,7 +10,7 @@ from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
 from roadmap.chunks import Progress
 from roadmap.geometry.gaps import beads, moved_rods
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import cover_balls
 from roadmap.robot.robot import Robot
 from sim.draw.film import Canvas, FilmSettings, painted, write_gif
 from sim.draw.style import AMBER, BLUE, FAINT, INK, PURPLE, RED, TEAL
@@ -198,6 +198,5 @@ def _near(capsules: np.ndarray) -> np.ndarray:
 
 
 def _bodies(record: RunRecord, robot: Robot, i: int) -> tuple[np.ndarray, np.ndarray]:
-    centers = sphere_centers(robot, record.arrays["q"][i])
-    balls = np.column_stack([centers, robot.spheres[:, 3]])
+    balls = cover_balls(robot, record.arrays["q"][i])
     return balls, beads(_near(record.arrays["capsules"][i]), _BEADS)

@@ -21,16 +21,12 @@ _SHARE = 0.5  # of the free memory that a build may take
 
 @dataclass(frozen=True)
 class Gain:
-    """What a size did on the Panda.
+    """What a size did on the Panda."""
 
-    Attributes:
-        crossing, clutter: Frames and scenes with a path [%].
-        clutter_p95_ms: CPU time until a scene has a path [ms].
-    """
-
+    # frames and scenes with a path [%]
     crossing: float
     clutter: float
-    clutter_p95_ms: float
+    clutter_p95_ms: float  # CPU time until a scene has a path [ms]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Tables of a bench: for the terminal (rich) and for the README (markdown)."""
+"""Tables of figures, what was asked beside what was measured, for the terminal."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ def print_bench(result: dict, console: Console | None = None) -> None:
     """Print the table of a bench and the lines about its setting."""
     console = console or Console()
     title = result.get("title") or f"odm bench {result['bench']}"
-    head, *rows = _lines(result)
+    head, *rows = lines_of(result)
     own = [{"title": title, "head": head, "rows": rows}] if rows else []
     for table in (*own, *result.get("tables", ())):
         _print_table(table, console)
@@ -76,21 +76,7 @@ def plain_table(title: str, head: Sequence[str], rows: Sequence[Sequence]) -> Ta
     return table
 
 
-def markdown(result: dict) -> str:
-    """Return the table of a bench and its setting as markdown."""
-    lines = _markdown_table(_lines(result)) if result["rows"] else []
-    for more in result.get("tables", ()):
-        head, *rows = _markdown_table([more["head"], *more["rows"]])
-        lines += ["", f"**{more['title']}**", "", head, *rows]
-    return "\n".join([*lines, "", *setting_lines(result)]) + "\n"
-
-
-def _markdown_table(rows: list) -> list[str]:
-    head, *rest = ("| " + " | ".join(line) + " |" for line in rows)
-    return [head, "|" + "---|" * (head.count("|") - 1), *rest]
-
-
-def _lines(result: dict) -> list[tuple[str, ...]]:
+def lines_of(result: dict) -> list[tuple[str, ...]]:
     """Return the head and the rows of a table; one of values alone has no times."""
     lines = [_HEAD, *map(_cells, result["rows"])]
     if any("value" not in row for row in result["rows"]):

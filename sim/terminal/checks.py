@@ -36,20 +36,14 @@ class Refused(ValueError):
 
 @dataclass(frozen=True)
 class Limits:
-    """The numbers that a flag takes.
+    """The numbers that a flag takes."""
 
-    Attributes:
-        low, high: Least and largest; infinity: none.
-        unit: Of the numbers, for the sentence.
-        above: `low` itself is not taken.
-        hint: What else to say: why, or a value that works.
-    """
-
+    # least and largest; infinity: none
     low: float = -math.inf
     high: float = math.inf
-    unit: str = ""
-    above: bool = False
-    hint: str = ""
+    unit: str = ""  # of the numbers, for the sentence
+    above: bool = False  # `low` itself is not taken
+    hint: str = ""  # what else to say: why, or a value that works
 
     def holds(self, value: float) -> bool:
         """Return whether a number is taken."""
@@ -70,19 +64,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class Writes:
-    """What a flag has written.
+    """What a flag has written."""
 
-    Attributes:
-        endings: Endings that the file may have; empty: any.
-        what: The kind of file, for the sentence.
-        needs: Modules without which it cannot be made.
-        folder: A folder is named, not a file.
-    """
-
-    endings: tuple[str, ...] = ()
-    what: str = "file"
-    needs: tuple[str, ...] = ()
-    folder: bool = False
+    endings: tuple[str, ...] = ()  # endings that the file may have; empty: any
+    what: str = "file"  # the kind of file, for the sentence
+    needs: tuple[str, ...] = ()  # modules without which it cannot be made
+    folder: bool = False  # a folder is named, not a file
 
     @property
     def metavar(self) -> str:

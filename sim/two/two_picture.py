@@ -7,7 +7,7 @@ import numpy as np
 
 from odm.cell_map.cell_map import CellMap
 from roadmap.chunks import Progress
-from roadmap.kinematics.forward import sphere_centers, tool_pose
+from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.transforms import moved_points
 from sim.draw.cover_world import open_world
 from sim.draw.film import STATES, Canvas, FilmSettings, painted, write_gif
@@ -92,10 +92,9 @@ class _Stage:
         return image
 
     def _balls(self, k: int, frame: int) -> np.ndarray:
-        centers = sphere_centers(self.robots[k], self.result.q[k][frame])
-        return np.column_stack(
-            [moved_points(centers, self.T[k]), self.robots[k].spheres[:, 3]]
-        )
+        balls = cover_balls(self.robots[k], self.result.q[k][frame])
+        balls[:, :3] = moved_points(balls[:, :3], self.T[k])
+        return balls
 
     def _draw_caption(self, frame: int) -> None:
         canvas, result = self.canvas, self.result

@@ -11,32 +11,21 @@ from sim.loop.run_result import MOVING, STATUS, percentiles, touches
 
 @dataclass(frozen=True, eq=False)
 class TwoResult:
-    """One run of two robots; frame i is time `i / rate_hz`.
+    """One run of two robots; frame i is time `i / rate_hz`."""
 
-    Attributes:
-        other: "planned" or "scripted": what the second robot was.
-        rate_hz: Frames per second.
-        trips: Times each robot arrived at a work place.
-        T_world_base: (4, 4) base of the second in the base frame of the first.
-        separation: (F,) exact distance of the robots [m]; 0 or less in contact.
-        q: (F, dof) configurations of the first and of the second.
-        place: (F, 2) the work place each is on its way to.
-        status: (F, 2) index into `STATUS`.
-        wall_s: (F, 2) time of each planner's step [s].
-        places: (n, dof) work places of each.
-        reasons: For each, the first reason of every kind of hold -> frames.
-    """
-
-    other: str
-    rate_hz: float
-    trips: tuple[int, int]
-    T_world_base: np.ndarray
+    other: str  # "planned" or "scripted": what the second robot was
+    rate_hz: float  # frames per second
+    trips: tuple[int, int]  # times each robot arrived at a work place
+    T_world_base: np.ndarray  # (4, 4) base of the second in the base frame of the first
+    # (F,) exact distance of the robots [m]; 0 or less in contact
     separation: np.ndarray
+    # (F, dof) configurations of the first and of the second
     q: tuple[np.ndarray, np.ndarray]
-    place: np.ndarray
-    status: np.ndarray
-    wall_s: np.ndarray
-    places: tuple[np.ndarray, np.ndarray]
+    place: np.ndarray  # (F, 2) the work place each is on its way to
+    status: np.ndarray  # (F, 2) index into `STATUS`
+    wall_s: np.ndarray  # (F, 2) time of each planner's step [s]
+    places: tuple[np.ndarray, np.ndarray]  # (n, dof) work places of each
+    # for each, the first reason of every kind of hold -> frames
     reasons: tuple[dict, dict]
 
     def __post_init__(self) -> None:

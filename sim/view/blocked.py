@@ -66,8 +66,11 @@ class RoadmapPicture:
         return edges | nodes[roadmap.edges].any(axis=1)
 
 
-def opacity_of(lines: int) -> float:
-    """Return how opaque blocked edges are: through thousands the robot is seen."""
+def thickness_of(lines: int) -> float:
+    """Return how thick so many blocked edges are [px].
+
+    Below 1 a line is drawn fainter, so that the robot is seen through thousands.
+    """
     return max(0.05, min(0.8, 300 / max(1, lines)))
 
 

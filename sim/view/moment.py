@@ -27,56 +27,38 @@ TIME, GAP, LATENCY, STATE, PLACE = range(5)
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened.
+    """Something that happened."""
 
-    Attributes:
-        time_s: When [s].
-        state: Code of the state that began, or `NEW_PATH`.
-        text: What, in words.
-    """
-
-    time_s: float
-    state: int
-    text: str
+    time_s: float  # when [s]
+    state: int  # code of the state that began, or `NEW_PATH`
+    text: str  # what, in words
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One frame.
+    """One frame."""
 
-    Attributes:
-        time_s: When [s].
-        q: (dof,) where the robot is [rad or m].
-        capsules: (k, 7) person [m].
-        state: Code of what the robot does, see `WORDS`.
-        reason: Why it does not move, in the planner's words.
-        separation: Exact distance of robot and person [m]; infinite: nobody, or not
-            known.
-        path, before: (n, dof) the path in use and the one that it took the place of.
-        targets: (n, 5) places of the tool [m], quality in [0, 1] (NaN: none), and
-            1 where it is pursued.
-        points: (n, 3) what a sensor saw [m].
-        payload: (k, 4) spheres in the hand, tool frame [m].
-        things: How many of the capsules, the last ones, are no person but what is
-            handed over.
-        rows: (n, 5) time, separation, latency [s], state, place of each frame since
-            the moment before, this one last.
-        events: What happened since the run began, at most the latest.
-    """
-
-    time_s: float
-    q: np.ndarray
-    capsules: np.ndarray = field(default_factory=lambda: NOBODY)
-    state: int = STILL
-    reason: str = ""
+    time_s: float  # when [s]
+    q: np.ndarray  # (dof,) where the robot is [rad or m]
+    capsules: np.ndarray = field(default_factory=lambda: NOBODY)  # (k, 7) person [m]
+    state: int = STILL  # code of what the robot does, see `WORDS`
+    reason: str = ""  # why it does not move, in the planner's words
+    # exact distance of robot and person [m]; infinite: nobody, or not known
     separation: float = np.inf
+    # (n, dof) the path in use and the one that it took the place of
     path: np.ndarray | None = None
     before: np.ndarray | None = None
+    # (n, 5) places of the tool [m], quality in [0, 1] (NaN: none), and 1 where it is
+    # pursued
     targets: np.ndarray | None = None
-    points: np.ndarray | None = None
-    payload: np.ndarray | None = None
+    points: np.ndarray | None = None  # (n, 3) what a sensor saw [m]
+    payload: np.ndarray | None = None  # (k, 4) spheres in the hand, tool frame [m]
+    # how many of the capsules, the last ones, are no person but what is handed over
     things: int = 0
+    # (n, 5) time, separation, latency [s], state, place of each frame since the moment
+    # before, this one last
     rows: np.ndarray | None = None
+    # what happened since the run began, at most the latest
     events: tuple[Event, ...] = ()
 
 

@@ -32,35 +32,26 @@ _FAR = 3.0  # a hand is not dragged farther from the base [m]
 
 @dataclass(frozen=True, eq=False)
 class Show:
-    """What a page shows.
+    """What a page shows."""
 
-    Attributes:
-        source: Moments.
-        robot: The robot.
-        label: Title of the panel.
-        sentences: What is not shown, and why.
-        load_parts: Returns the robot's meshes, and a sentence about what is missing;
-            until then, and without it, its collision solids are drawn.
-        load_map: Returns the map; both are asked beside the drawing, for they may
-            take a second. None: there is no map.
-        hand: Is told in each turn where the person's hand is dragged to, (3,) [m] or
-            None; None: it cannot be dragged.
-        layers: Layers that are shown once the map is there.
-        still: (n, 3, 3) triangles of what stands around [m].
-        lowest: Returns of the robot's meshes how low robot and people come in the whole
-            run [m], where it is known: that low the floor is; None: it sinks as
-            they come lower.
-    """
-
-    source: Source
-    robot: Robot
-    label: str = "odm"
-    sentences: list[str] = field(default_factory=list)
+    source: Source  # moments
+    robot: Robot  # the robot
+    label: str = "odm"  # title of the panel
+    sentences: list[str] = field(default_factory=list)  # what is not shown, and why
+    # returns the robot's meshes, and a sentence about what is missing; until then, and
+    # without it, its collision solids are drawn
     load_parts: Callable[[], tuple[list[Part], str]] | None = None
+    # returns the map; both are asked beside the drawing, for they may take a second;
+    # None: there is no map
     load_map: Callable[[], CellMap] | None = None
+    # is told in each turn where the person's hand is dragged to, (3,) [m] or None;
+    # None: it cannot be dragged
     hand: Callable[[np.ndarray | None], None] | None = None
-    layers: tuple[str, ...] = ()
+    layers: tuple[str, ...] = ()  # layers that are shown once the map is there
+    # (n, 3, 3) triangles of what stands around [m]
     still: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    # returns of the robot's meshes how low robot and people come in the whole run [m],
+    # where it is known: that low the floor is; None: it sinks as they come lower
     lowest: Callable[[list[Part]], float] | None = None
 
 

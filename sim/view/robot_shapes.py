@@ -28,16 +28,11 @@ _TRIES = 3
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One mesh of the robot.
+    """One mesh of the robot."""
 
-    Attributes:
-        body: Body of the robot that carries it.
-        mesh: In the frame of that body [m].
-        colour: (3,) of its own, 0 to 255; None: it has none.
-    """
-
-    body: int
-    mesh: trimesh.Trimesh
+    body: int  # body of the robot that carries it
+    mesh: trimesh.Trimesh  # in the frame of that body [m]
+    # (3,) of its own, 0 to 255; None: it has none
     colour: tuple[int, int, int] | None = None
 
 

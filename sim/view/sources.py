@@ -12,6 +12,7 @@ import numpy as np
 from odm.obstacles.scenery import parse_scenery
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from sim.draw.surroundings import all_triangles
 from sim.loop.run_result import STATUS
@@ -217,8 +218,6 @@ def standing_of_record(record: RunRecord) -> np.ndarray:
 
 def place_targets(robot: Robot, places: np.ndarray, place: int) -> np.ndarray:
     """Return work places as targets without a quality, (n, 5)."""
-    from roadmap.kinematics.forward import tool_pose
-
     p = np.array([tool_pose(robot, q)[:3, 3] for q in places])
     pursued = np.arange(len(places)) == place
     return np.column_stack([p, np.full(len(p), np.nan), pursued])

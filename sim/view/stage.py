@@ -20,8 +20,8 @@ from sim.view.blocked import (
     cell_centers,
     line_file,
     occupied_cells,
-    opacity_of,
     seen_points,
+    thickness_of,
 )
 from sim.view.moment import NOBODY, Moment
 from sim.view.robot_shapes import Part, lowest_of_robot
@@ -319,8 +319,8 @@ class Stage:
         blocked = self.roadmap.blocked(cells)
         segments = self.roadmap.segments[blocked]
         self.n_blocked = len(segments)
-        opacity = opacity_of(self.n_blocked)
-        self._lines("blocked", segments, theme.BLOCKED_EDGE, opacity)
+        pixels = thickness_of(self.n_blocked)
+        self._lines("blocked", segments, theme.BLOCKED_EDGE, pixels)
 
     def _lines(
         self, layer: str, segments: np.ndarray, colour: tuple, pixels: float

@@ -499,7 +499,7 @@ def human(shop: object) -> Lines:  # noqa: ARG001
             poses = np.array([arm.fk(rng.uniform(arm.lower, arm.upper)), T])
             yield f"{posture}, {side}: {told(arm.solvable(poses))}"
         large = person.resized(1.9)
-        yield f"{posture}: {digest(large.capsules())} {len(large.surface_parts())}"
+        yield f"{posture}: {digest(large.capsules())} {len(large.labels)}"
     grid = handover.rotation_grid(72)
     yield f"rotations: {digest(grid.centers)}"
     for k in range(4):

@@ -6,11 +6,11 @@ import numpy as np
 
 from handover import Arm, ArmState, Human, QualitySettings, human_from_joints
 from handover.human._arm_ik import WORK_ROWS
-from handover.human._arm_solve import solvable_poses, solve_poses
+from handover.human._arm_solve import solvable_poses
 from handover.human._human_arm import arm_poses
 from handover.human.human_arm import STEP
-from handover.meet._quality import qualities_of
 from sim.bench.clock import Clock
+from sim.bench.handover._human_loops import qualities_of, solve_poses
 from sim.tables.header import header
 from sim.tables.table import value_row
 

@@ -13,7 +13,7 @@ from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import Pair, handover_poses, steps_of
 from handover.plans.limb import limb_of
 from handover.plans.mover import Mover
-from handover.plans.prune import ExecutableGrasps, prune_grasps
+from handover.plans.prune import ExecutableGrasps, Grasper
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import PlacedAgent, Scene
 
@@ -60,6 +60,20 @@ def pair_of(scene: Scene, arms: tuple[str, str], sets: Mapping[str, GraspSet]) -
         sets[one.spec.name],
         sets[other.spec.name],
     )
+
+
+def prune_grasps(
+    mover: Mover,
+    grasps: GraspSet,
+    T_world_object: np.ndarray,
+    use: np.ndarray | None = None,
+) -> ExecutableGrasps:
+    """Return the grasps that an arm can execute on an object at a pose (4, 4) [m].
+
+    All is as it was put for the mover; `use` (k,) are the grasps looked at, else all.
+    """
+    use = np.arange(len(grasps)) if use is None else use
+    return Grasper(mover, grasps).look(T_world_object, use, lambda: None).all()
 
 
 def whole_choice(

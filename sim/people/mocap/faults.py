@@ -33,21 +33,13 @@ def fastest(joint: str) -> float:
 
 @dataclass(frozen=True)
 class Faults:
-    """What was wrong with one track.
+    """What was wrong with one track."""
 
-    Attributes:
-        bad: (F,) frames not to be believed.
-        jumps: Steps no person made,
-        steps: of so many between seen frames.
-        swings: Times that three or more such steps led on and on, not back.
-        peak: Speed of the fastest of them [m/s], 0 without.
-    """
-
-    bad: np.ndarray
-    jumps: int
-    steps: int
-    swings: int
-    peak: float
+    bad: np.ndarray  # (F,) frames not to be believed
+    jumps: int  # steps no person made,
+    steps: int  # of so many between seen frames
+    swings: int  # times that three or more such steps led on and on, not back
+    peak: float  # speed of the fastest of them [m/s], 0 without
 
     @property
     def noisy(self) -> bool:

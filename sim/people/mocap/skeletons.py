@@ -149,19 +149,13 @@ def read_mapping(path: str | Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class JointMapping:
-    """What a mapping tells of a recording.
+    """What a mapping tells of a recording."""
 
-    Attributes:
-        names: Joint -> name in the recording; None: the built-in lists are looked at.
-        unit: By name or in metres, None where it is not said.
-        up: Axis that points up, None where it is not said.
-        label: What the mapping is called; a file has its name.
-    """
-
+    # joint -> name in the recording; None: the built-in lists are looked at
     names: Mapping[str, str] | None = None
-    unit: str | float | None = None
-    up: str | None = None
-    label: str = ""
+    unit: str | float | None = None  # by name or in metres, None where it is not said
+    up: str | None = None  # axis that points up, None where it is not said
+    label: str = ""  # what the mapping is called; a file has its name
 
 
 def joint_mapping(mapping: str | Path | Mapping[str, object] | None) -> JointMapping:

@@ -10,10 +10,15 @@ from robot_asked import solutions
 import handover
 from handover.plans import _prune as kernels
 from handover.plans.choose import Report, tuples
-from handover.plans.prune import prune_grasps
 from handover.plans.settings import PlanSettings
 from roadmap.kinematics._chain import dexterity, forward, jacobian
-from sim.bench.handover.whole_choice import best_of, key_of, pair_of, whole_choice
+from sim.bench.handover.whole_choice import (
+    best_of,
+    key_of,
+    pair_of,
+    prune_grasps,
+    whole_choice,
+)
 
 SETTINGS = PlanSettings(voxels=16, turns=5)
 

@@ -15,10 +15,10 @@ from handover.plans.motions import MotionPlanner, home_of
 from handover.plans.mover import Mover
 from handover.plans.paths import Blocked, OutOfTime, Paths
 from handover.plans.planner import plan_handover
-from handover.plans.prune import prune_grasps
 from handover.plans.settings import PlanSettings, ProofSettings
 from odm.obstacles.shapes import Sphere
 from roadmap.transforms import pose_of
+from sim.bench.handover.whole_choice import prune_grasps
 
 MARGIN = ProofSettings().margin
 

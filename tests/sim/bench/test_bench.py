@@ -11,12 +11,13 @@ import odm
 from roadmap.errors import BadInput
 from sim.bench import frames
 from sim.bench.clock import Clock, time_row
+from sim.bench.command import markdown_of
 from sim.bench.core import build, frame_rows, latency, map_rows, walled
 from sim.bench.rivals import baselines, lengths, ompl
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
 from sim.bench.rivals.query import query_of
-from sim.tables.table import markdown, print_bench, value_row
+from sim.tables.table import print_bench, value_row
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +197,7 @@ def test_the_short_bench_reports_every_row_as_plain_data(map_dir):
                  "start walled", "direct map", "20 000", "bytes", "load", "process",
                  "python-fcl", "compiled"):  # fmt: skip
         assert any(part in name for name in names), part
-    text = markdown(result)
+    text = markdown_of(result)
     assert all(name in text for name in names)
     print_bench(result)
 
@@ -207,7 +208,7 @@ def test_ompl_is_compared_on_a_few_frames(map_dir):
     rows = {row["name"]: row for row in json.loads(json.dumps(result))["rows"]}
     assert result["setup"]["frames compared"] == 4
     assert 0 <= rows["frames OMPL finds a path in"]["value"] <= 100
-    assert "OMPL" in markdown(result)
+    assert "OMPL" in markdown_of(result)
 
 
 def test_a_missing_ompl_is_one_clear_sentence(map_dir, monkeypatch):

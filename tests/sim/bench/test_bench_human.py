@@ -2,8 +2,8 @@
 
 import json
 
+from sim.bench.command import markdown_of
 from sim.bench.handover import human
-from sim.tables.table import markdown
 
 
 def test_the_table_shows_what_is_asked(odm, tmp_path):
@@ -16,7 +16,7 @@ def test_the_table_shows_what_is_asked(odm, tmp_path):
     assert 0 < rows["IK: largest residual"]["value"] <= 1e-10
     for name in ("IK: a pose, all swivels", "IK: a solution", "quality of a posture"):
         assert rows[name]["unit"] == "us" and rows[name]["value"] > 0
-        assert f"| {name} |" in markdown(result)
+        assert f"| {name} |" in markdown_of(result)
 
 
 def test_a_miss_would_be_seen():

@@ -10,7 +10,7 @@ from odm import Box, ReactivePlanner
 from odm.audit.exact import ExactRobot, obstacles_of
 from odm.audit.fcl_robot import FclRobot
 from roadmap.errors import BadInput
-from sim.bench.command import bench_modules, run_bench
+from sim.bench.command import bench_modules, markdown_of, run_bench
 from sim.bench.frames import arm_frames, make_pairs
 from sim.bench.paper import odm_paper, paper_edges
 from sim.bench.paper.paper_arm import (
@@ -24,7 +24,7 @@ from sim.bench.paper.paper_arm import (
 )
 from sim.bench.paper.paper_rows import PaperFcl, audit
 from sim.bench.rivals.query import query_of
-from sim.tables.table import markdown, print_bench
+from sim.tables.table import print_bench
 
 # an arm across the small robot's workspace
 UP = np.array([0.0, 0.0, 0.6])
@@ -208,7 +208,7 @@ def test_the_short_bench_is_plain_data_with_all_tables(result):
     names = " ".join(row["name"] for row in data["rows"])
     for part in ("points to path", "python-fcl", "across the arm", "missed"):
         assert part in names
-    text = markdown(data)
+    text = markdown_of(data)
     assert all(t["title"] in text for t in data["tables"])
     print_bench(data)
     assert plot.read_bytes()[:4] == b"\x89PNG"

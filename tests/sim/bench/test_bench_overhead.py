@@ -7,8 +7,8 @@ from small import small_recipe
 
 import odm as planner
 from odm.audit.clearance import TERMS, ClearanceOverhead
+from sim.bench.command import markdown_of
 from sim.bench.core import overhead
-from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_the_table_shows_every_way_to_ask_and_every_term(odm, map_dir, tmp_path)
         assert name in out
     for term in TERMS:
         assert f"term {term}: mean" in rows and f"term {term}: p95" in rows
-    lines = markdown(result).splitlines()
+    lines = markdown_of(result).splitlines()
     assert lines[:2] == ["| what | asked | measured | met? |", "|---|---|---|---|"]
     assert lines[2].startswith("| nodes, cells of points: mean | <= 9 cm |")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from sim.bench.command import markdown_of
 from sim.bench.core import scene
-from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def test_a_short_run_measures_each_part(result):
     assert rows["set_goals of one pose"]["asked"] == {"p50": 5000.0, "p99": 20000.0}
     assert rows["... poses with a valid solution"]["value"] > 60
     assert rows["attach a ball, no payload layer"]["n"] == 1
-    assert "scene.add, box" in markdown(result)
+    assert "scene.add, box" in markdown_of(result)
 
 
 def test_the_mesh_is_closed_and_not_convex():

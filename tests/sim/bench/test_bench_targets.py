@@ -5,8 +5,8 @@ import json
 import pytest
 
 from roadmap.errors import BadInput
+from sim.bench.command import markdown_of
 from sim.bench.handover import targets
-from sim.tables import table
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_the_rows_say_what_the_runs_were(result):
     assert shares["rows"][1][4:6] == ["50 %", "75 %"]
     for more in tables:
         assert all(len(row) == len(more["head"]) for row in more["rows"])
-    assert "1.3 m" in table.markdown(result | {"tables": [times, cycled, shares]})
+    assert "1.3 m" in markdown_of(result | {"tables": [times, cycled, shares]})
 
 
 def test_other_distances_are_other_runs(meet_maps):

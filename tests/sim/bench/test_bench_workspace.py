@@ -7,8 +7,8 @@ import pytest
 
 from handover import ReachSettings, build_reach_map, chain_of
 from roadmap import load_robot
+from sim.bench.command import markdown_of
 from sim.bench.handover import workspace_cases
-from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_the_table_has_the_papers_counts_beside_ours(odm, folder, tmp_path):
     assert np.allclose(np.log(counts), np.log(paper), atol=0.7)
     assert rows["best-first top 10 that differ from the full grid's"]["value"] == 0
     assert rows["15 cm / 72, 8 grasps: moved 2 cm"]["n"] == 10
-    assert "10 cm / 576" not in out and "| 150 cm | 78 |" in markdown(result)
+    assert "10 cm / 576" not in out and "| 150 cm | 78 |" in markdown_of(result)
 
 
 def test_another_robot_is_refused(odm, robot_reach):

@@ -8,9 +8,9 @@ from command_line import one_sentence
 from handover_files import OBJECT, RELEASED, TAKEN, two_people, write_handover
 
 from roadmap.errors import BadInput
+from sim.bench.command import markdown_of
 from sim.bench.handover import handover_recording as bench
 from sim.bench.handover.recorded_handover import read_handover
-from sim.tables.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_the_bench_tells_and_draws(odm, folder, tmp_path):
     moments = result["recordings"][0]["moments"]
     assert set(moments) == {"body", "before", "after"}
     assert moments["body"]["by"]["total"]["off_cm"] is not None
-    assert "| joint |" in markdown(result)
+    assert "| joint |" in markdown_of(result)
 
 
 def test_a_place_out_of_reach_is_no_number(tmp_path):

@@ -8,8 +8,9 @@ from keyboard_pty import User
 from mocap_files import person, write_csv
 from recorded import tampered, with_array
 
+from handover import load_reach_map
 from handover.targets.live_targets import THERE, UNDER_WAY
-from odm import load_map
+from odm import build_map, load_map
 from sim.record import first_difference, read_record, write_record
 from sim.run.meet import reach_map_of
 from sim.run.meet_record import STATES, targets_again
@@ -41,6 +42,22 @@ def test_the_replay_of_a_run_to_targets_is_the_same_bytes(
     code, out, err = replayed(odm, meet_maps, file, "--record", again)
     assert code == 0 and out.startswith("same: 150 frames of reach"), err
     assert again.read_bytes() == file.read_bytes()
+
+
+def test_a_board_in_which_nothing_is_handed_over_is_known_to_the_replay(
+    meet_maps, tmp_path
+):
+    bare = load_map(meet_maps[0])
+    board = {"type": "box", "size": [0.3, 0.9, 0.02], "position": [0.55, 0.0, 0.35]}
+    recipe = replace(bare.recipe, name="board", scenery=(board,))
+    folder = build_map(recipe, threads=2).save(tmp_path / "map")
+    asked = {"targets": "meet", "reach": meet_maps[1], "json": "-", "seconds": 2.0}
+    asked |= {"rate": 50.0, "between": (0.9, 0.9), "record": tmp_path / "run.npz"}
+    run(RunRequest(folder, "reach", **asked))
+    cell_map, record = load_map(folder), read_record(tmp_path / "run.npz")
+    reach = load_reach_map(meet_maps[1])
+    again = targets_again(record, cell_map, reach)
+    assert first_difference(record, again) is None
 
 
 def test_a_recorded_person_who_is_measured_anew_is_met_again(odm, meet_maps, tmp_path):

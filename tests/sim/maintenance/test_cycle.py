@@ -35,6 +35,7 @@ from sim.maintenance.record import PARTS, CycleRecorder, is_same_again, parts_of
 from sim.people.partner import Partner, RecordedPartner
 from sim.people.whole_person import BASE_HEIGHT
 from sim.record import read_record, write_record
+from sim.story import tell as story_tell
 from sim.story.handover import Handover
 from sim.story.play import StoryPlay, StoryResult, new_story
 from sim.story.record import StoryRecorder, play_again, same
@@ -272,6 +273,42 @@ def test_beside_a_recorded_person_it_is_recorded_and_the_same_again(
     told = [capsules(0.01 * k) if tracked else None for k in range(4)]
     for one, again in zip(told, told_again, strict=True):
         assert np.array_equal(one, again) if tracked else again is None
+
+
+@pytest.mark.parametrize("story", ["handover", "maintenance"])
+def test_what_was_played_until_ctrl_c_is_recorded(
+    story, setups, tmp_path, monkeypatch, capsys
+):
+    """As it is of `odm run --record`: 4 frames were played, and can be again."""
+    path, case = tmp_path / "run.npz", LadderCase.drawn_at(0)
+    partner = Partner(case.body(), "right", setups[0].obj, case.traits)
+    run = StoryPlay(setups[0], case.of("give"), partner=partner)
+
+    def played(setups, at, seed, recorder, say):
+        for _ in range(4):
+            recorder.add(run, run.step())
+        raise KeyboardInterrupt
+
+    def play(run, seconds, hear):
+        for _ in range(4):
+            hear(run.step())
+        raise KeyboardInterrupt
+
+    for module in (cycle_tell, story_tell):
+        monkeypatch.setattr(module, "rehearse", lambda setup: None)
+    monkeypatch.setattr(cycle_tell, "_played", played)
+    monkeypatch.setattr(story_tell, "play", play)
+    monkeypatch.setattr(story_tell, "setup_of", lambda *_, pads: setups[0])
+    monkeypatch.setattr(story_tell, "_run_of", lambda *_: run)
+    tell = {"handover": story_tell.tell_story, "maintenance": cycle_tell.tell_cycles}
+    request = DemoRequest(story, pads=["flange"], record=path)
+    with pytest.raises(KeyboardInterrupt):
+        tell[story](request, setups[0].cell_map, setups[0].reach)
+    assert f"4 frames in {path}" in capsys.readouterr().err
+    record = read_record(path)
+    parts = parts_of(record) if story == "maintenance" else [record]
+    assert [part.frames for part in parts] == [4]
+    assert same(parts[0], *play_again(parts[0], setups[0]))
 
 
 def test_a_recorded_cycle_falls_into_its_hand_overs(setups, tmp_path, monkeypatch):

@@ -16,9 +16,10 @@ from sim.people.scenes import (
     BLOCK_GAP,
     ESCAPE_GAP,
     SCENES,
-    Cover,
     before_work_places,
+    gap_from,
     make_scene,
+    robot_balls,
 )
 
 EXECUTIONS = ("kinematic", "timed")
@@ -66,7 +67,7 @@ def test_the_robot_holds_while_a_hand_is_at_the_goal_and_goes_on_after(
     said = ["goal 0 is blocked"] + near * ["around goal 0 is cut off"]
     assert any(words in hold.reason for words in said)
     resting = scene.capsules(0.5 * (hold.start_s + hold.end_s))
-    assert Cover.of(crane, PLACES[1]).gap(resting) <= BLOCK_GAP
+    assert gap_from(robot_balls(crane, PLACES[1]), resting) <= BLOCK_GAP
     assert result.trips >= 1 and result.contacts == 0
     held = result.status[round(100 * hold.start_s) + 40 : round(100 * hold.end_s) - 1]
     assert (held == 2).all() and not result.retreat.any()
@@ -82,7 +83,7 @@ def test_the_waiting_robot_backs_off_from_a_slow_hand(played, crane, execution):
     away = np.flatnonzero(result.retreat == BACKING)
     before, after = result.q[away[0]], result.q[away[-1] + 1]
     capsules = scene.capsules(away[-1] / 100)
-    gaps = [Cover.of(crane, q).gap(capsules) for q in (before, after)]
+    gaps = [gap_from(robot_balls(crane, q), capsules) for q in (before, after)]
     assert gaps[1] > gaps[0] + 0.005 and result.contacts == 0
 
 
@@ -92,7 +93,8 @@ def test_the_robot_escapes_from_a_hand_within_its_clearance(played, crane, execu
     assert "the start is in contact" in result.holds[0].reason
     away = np.flatnonzero(result.retreat == ESCAPING)
     assert 0 < away[0] < 50 and result.contacts == 0
-    gaps = [Cover.of(crane, q).gap(scene.capsules(0)) for q in result.q]
+    arms = scene.capsules(0)
+    gaps = [gap_from(robot_balls(crane, q), arms) for q in result.q]
     assert gaps[0] <= ESCAPE_GAP and gaps[away[-1] + 1] > gaps[0] + 0.01
 
 
@@ -112,9 +114,9 @@ def test_a_scene_is_smooth_keeps_its_speed_and_repeats(name, crane):
 
 
 def test_a_hand_comes_as_near_as_the_scene_asks(crane):
-    cover = Cover.of(crane, PLACES[0])
+    cover = robot_balls(crane, PLACES[0])
     scene = make_scene("backoff").before(crane, PLACES)
-    gaps = [cover.gap(scene.capsules(t)) for t in np.arange(0.0, 8.0, 0.02)]
+    gaps = [gap_from(cover, scene.capsules(t)) for t in np.arange(0.0, 8.0, 0.02)]
     assert BACKOFF_GAP - 0.003 < min(gaps) <= BACKOFF_GAP and gaps[0] > 0.15
 
 

@@ -13,7 +13,7 @@ import trimesh
 from handover.human.human import Human
 from sim.record import read_record
 from sim.view import theme
-from sim.view.blocked import opacity_of
+from sim.view.blocked import thickness_of
 from sim.view.gate import listening
 from sim.view.robot_shapes import (
     Part,
@@ -142,7 +142,7 @@ def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):
     assert page.stage.scene.get_handle_by_name("/edges") is None  # hidden: not sent
     page.stage.show("edges", True)
     assert page.stage.n_blocked > 0
-    assert opacity_of(3000) == 0.1 and opacity_of(10**6) == 0.05 < opacity_of(0)
+    assert thickness_of(3000) == 0.1 and thickness_of(10**6) == 0.05 < thickness_of(0)
     edges = page.stage.scene.get_handle_by_name("/edges")
     drawn = trimesh.load(io.BytesIO(edges.glb_data), file_type="glb", process=False)
     (lines,) = drawn.geometry.values()
