@@ -80,7 +80,7 @@ class StoryPage(LivePage):
         )
         told = [f"{e.state}: {e.reason}" for e in story.events[self._n_told :]]
         self._n_told = len(story.events)
-        state = f"{moment.state}: {story.reason}"
+        state = f"{moment.state}: {story.reason}" if story.reason else moment.state
         targets = self._targets(round(moment.now * RATE))
         happened = {"targets": targets, "time_s": moment.now}
         self.viewer.show(frame, **happened, told=told, doing=state)
