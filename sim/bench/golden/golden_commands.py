@@ -116,9 +116,10 @@ def told_by(*words: object) -> Lines:
 
 
 def _sentences(at: str, text: str, whole: bool = False) -> Lines:
-    """Yield the errors that a command told, or all it said."""
+    """Yield the errors that a command told, or all it said but the signs of life."""
     for line in text.splitlines():
-        if line.startswith("odm:") or (whole and line.strip()):
+        told = whole and line.strip() and not line.startswith("starting: ")
+        if line.startswith("odm:") or told:
             yield f"{at}: {' '.join(line.split())}"
 
 
