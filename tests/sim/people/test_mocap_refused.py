@@ -32,6 +32,23 @@ def test_built_in_names_are_known(tmp_path, label):
     assert said == label or BUILT_IN[said].items() >= here.items()
 
 
+@pytest.mark.parametrize(
+    "label, old, new",
+    [
+        ("3ds Max Biped", "Bip01 ", "Bip001 "),
+        ("3ds Max Biped", " ", "_"),
+        ("Blender Rigify", "", "DEF-"),
+    ],
+)
+def test_what_exporters_write_otherwise_does_not_matter(tmp_path, label, old, new):
+    here = {j: BUILT_IN[label][j].replace(old, new, -1 if old else 1) for j in STANDING}
+    rename = {BVH_NAMES[j]: n for j, n in here.items()}
+    found, said = joints_of(
+        read_tracks(write_bvh(tmp_path / "a.bvh", person(30), rename=rename))
+    )
+    assert said == label and {j: found[j] for j in STANDING} == here
+
+
 def test_namespace_and_case_do_not_matter(tmp_path):
     names = {"rShldr": "mixamorig:RightArm", "rForeArm": "mixamorig:rightforearm"}
     names |= {"rHand": "mixamorig:RightHand", "hip": "mixamorig:Hips"}
