@@ -146,6 +146,22 @@ def test_two_people_in_a_file_are_refused_where_nobody_says_who(tmp_path):
     assert "mixes the bodies of Eve and Bob" in refusal(path, mapping=mixed)
 
 
+def test_two_skeletons_of_the_same_names_are_refused(tmp_path):
+    """The first one would be the person, and nobody would see the other."""
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    head, motion = path.read_text().split("MOTION")
+    skeleton = head.partition("\n")[2]
+    rows = [line for line in motion.strip().split("\n")]
+    twice = "\n".join([*rows[:2], *(f"{row} {row}" for row in rows[2:])])
+    path.write_text(f"{head}{skeleton}MOTION\n{twice}\n")
+    assert "a.bvh holds two skeletons that have a joint 'hip', and" in refusal(path)
+    for line in ("ROOT ", "JOINT "):
+        skeleton = skeleton.replace(line, f"{line}Eve:")
+    path.write_text(f"{head}{skeleton}MOTION\n{twice}\n")
+    mapping = {j: f"Eve:{n}" for j, n in BVH_NAMES.items()}
+    assert len(load_mocap(path, mapping=mapping).labels) == 9
+
+
 @pytest.mark.parametrize("who", ["Bob", "Eve"])
 def test_a_mapping_says_which_of_two_people_it_is(tmp_path, who):
     path = two_people(tmp_path / "a.csv")
