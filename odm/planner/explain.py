@@ -16,6 +16,7 @@ from odm.search import _step as step
 from roadmap.robot.robot import Robot
 
 _MOST_LISTED = 32
+_OWN = -0.03  # [m] a point so deep within the cover is in a link, where nobody is
 
 
 def start_trouble(robot: Robot, q: np.ndarray, code: int) -> str | None:
@@ -101,6 +102,11 @@ class Reasons:
                 f"{_more(keep - gap)} away, or let the robot get out of its way "
                 f"(answer.retreat){self._denser(gap, point)}"
             )
+            if point >= 0 and gap < _OWN:
+                text += (
+                    "; so deep inside, it is rather of the robot's own picture: check "
+                    "pose and time of the camera, and its self filter (SeenSettings)"
+                )
             return text, self._around(self.q, link, point, None)
         refused = self._goals_refused()
         if refused is not None:

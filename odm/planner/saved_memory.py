@@ -173,7 +173,7 @@ def differences(
 def _digest(arrays: Mapping[str, np.ndarray]) -> str:
     whole = hashlib.sha256()
     for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
+        array = arrays[name]
         whole.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        whole.update(array)
+        whole.update(array.tobytes())
     return whole.hexdigest()

@@ -52,13 +52,21 @@ def parse_bvh(text: str, source: str) -> Tracks:
 def _hierarchy(lines: list[str], source: str) -> list[_Joint]:
     joints: list[_Joint] = []
     open_joints: list[int] = []
-    n_channels = 0
+    whose: dict[str, int] = {}  # name -> number of its skeleton
+    n_channels = n_roots = 0
     for line in lines:
         word, _, rest = line.partition(" ") if " " in line else line.partition("\t")
         word, rest = word.upper(), rest.strip()
         if word in ("ROOT", "JOINT", "END"):
             parent = open_joints[-1] if open_joints else -1
             name = f"{joints[parent].name}_end" if word == "END" else rest
+            n_roots += word == "ROOT"
+            if whose.setdefault(name, n_roots) != n_roots:
+                raise BadMocap(
+                    f"{source} holds two skeletons that have a joint {name!r}, and "
+                    "nothing tells which is whose; keep one of them in the file, or "
+                    f"write whose they are, as Eve:{name}"
+                )
             joints.append(_Joint(name, parent))
         elif word == "{" and joints:
             open_joints.append(len(joints) - 1)

@@ -49,11 +49,21 @@ BUILT_IN = {
     "Xsens, Poser": _names(
         "Left Right", "Hips|Neck|Head", "{s}Shoulder|{s}Elbow|{s}Wrist|{s}Ankle|{s}Toe"
     ),
+    "Xsens MVN": _names(
+        "Left Right",
+        "Pelvis|Neck|Head",
+        "{s}UpperArm|{s}ForeArm|{s}Hand|{s}Foot|{s}Toe",
+    ),
     "3ds Max Biped": _names(
         "L R",
         "Bip01 Pelvis|Bip01 Neck|Bip01 Head",
         "Bip01 {s} UpperArm|Bip01 {s} Forearm|Bip01 {s} Hand|"
         "Bip01 {s} Foot|Bip01 {s} Toe0",
+    ),
+    "Blender Rigify": _names(
+        "L R",
+        "spine|spine.004|spine.006",
+        "upper_arm.{s}|forearm.{s}|hand.{s}|foot.{s}|toe.{s}",
     ),
     "SMPL": _names(
         "left right",

@@ -13,7 +13,9 @@ def split(name: str) -> tuple[str, str]:
 
 
 def _tidy(name: str) -> str:
-    return " ".join(name.split()).lower()
+    """Return a name in lower case, without what exporters write otherwise."""
+    name = " ".join(name.replace("_", " ").split()).lower()
+    return name.replace("bip001 ", "bip01 ").removeprefix("def-")
 
 
 class Roll:
@@ -33,7 +35,7 @@ class Roll:
         for name in names:
             self._names.setdefault(split(name), name)
         self.subjects: dict[str, str] = {}
-        bodies = [s for (s, plain) in self._names if s and not plain.endswith("_end")]
+        bodies = [s for (s, plain) in self._names if s and not plain.endswith(" end")]
         for (subject, _), name in self._names.items():
             if bodies.count(subject) > 1:
                 self.subjects.setdefault(subject, name.partition(":")[0].strip())

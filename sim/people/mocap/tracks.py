@@ -101,6 +101,8 @@ def number(text: str, what: str) -> float:
         return float(text)
     except ValueError:
         remedy = "; write it with a point, not a comma" if "," in text else ""
+        if any(word in text.lower() for word in ("nan", "#ind", "inf")):
+            remedy = "; write nan for what was not seen"
         raise BadMocap(
             f"{what} is {text.strip()[:40]!r}, which is no number{remedy}"
         ) from None

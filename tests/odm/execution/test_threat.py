@@ -235,6 +235,22 @@ def test_parts_that_exchange_their_names_are_of_unknown_speed(rate, gap, times):
     assert threat.known.all()
 
 
+def test_a_loop_that_is_quicker_than_its_tracker_follows_the_same_parts(rng):
+    """Each of 30 frames a second is told four times, at another age each time."""
+    moves, once, often = rng.normal(0, 0.3, 6), Watcher(), Watcher()
+    for k in range(12):
+        now = k / 30
+        arm = np.concatenate([0.5 + moves * now, [0.05]])[None]
+        threat = once.look(arm, now)
+        for age in (0.0, 0.01, 0.02, 0.03):
+            again = often.look(arm.copy(), now, age)
+            assert again.known.all() == (k >= 2) and again.age == age
+            held = replace(threat, age=age).between(0.0, 0.1)[0].capsules
+            np.testing.assert_array_equal(again.between(0.0, 0.1)[0].capsules, held)
+    moved = arm + [0.01, 0, 0, 0.01, 0, 0, 0]
+    assert not often.look(moved, now, 0.01).known.any()  # two places at one time
+
+
 def test_ends_that_change_places_and_parts_that_jump_are_of_unknown_speed():
     for change in ([3, 4, 5, 0, 1, 2, 6], "jump"):
         watcher = Watcher()

@@ -9,6 +9,7 @@ from small import AWAY, HOME, NOBODY, POST, ball_at
 import odm
 from odm.planner.saved_memory import differences
 from roadmap.errors import BadConfiguration, BadInput
+from roadmap.kinematics.forward import sphere_centers
 
 
 def test_points_that_are_not_numbers_hold_with_the_reason(planner):
@@ -72,6 +73,20 @@ def test_a_start_in_contact_is_named_with_its_link_and_a_retreat(planner):
     assert f"from the cover of {answer.blockers.link}, closer" in answer.reason
     assert answer.blockers.link in ("upper", "lower", "hand")
     assert len(answer.blockers.points) == 1
+
+
+def test_points_deep_inside_a_link_are_told_to_be_of_the_robot_itself(
+    small_map, planner
+):
+    planner.set_goals([AWAY])
+    robot, own = small_map.robot, "rather of the robot's own picture: check pose and"
+    widest = int((robot.spheres[:, 3] * (robot.sphere_body > 0)).argmax())
+    middle, r = sphere_centers(robot, HOME)[widest], robot.spheres[widest, 3]
+    assert own in planner.step(middle[None], q=HOME).reason
+    beside = middle + [0.0, r - 0.02, 0.0]
+    for is_it in (beside[None], odm.Obstacles(spheres=np.array([[*middle, 0.05]]))):
+        reason = planner.step(is_it, q=HOME).reason
+        assert "start is in contact" in reason and "own picture" not in reason
 
 
 def test_a_start_in_self_collision_or_scenery_holds(small_map, planner):

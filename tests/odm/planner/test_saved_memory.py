@@ -221,9 +221,11 @@ def test_a_memory_that_does_not_belong_here_is_refused_and_nothing_changes(
         broken = {key: array for key, array in saved.items() if key != name}
         with pytest.raises(BadInput, match="damaged"):
             planner.load_memory(broken)
-    broken = saved | {"attachments.next": np.array(5)}
-    with pytest.raises(BadInput, match="damaged"):
-        planner.load_memory(broken)
+    looked = saved["improving.look"]
+    of_other_shape = {"improving.look": looked[None], "state.looks.at": looked}
+    for name, array in {"attachments.next": np.array(5), **of_other_shape}.items():
+        with pytest.raises(BadInput, match="damaged"):
+            planner.load_memory(saved | {name: array})
     assert not differences(planner.save_memory(), saved)
     assert np.array_equal(planner.invalid_edges(), edges)
 

@@ -238,6 +238,7 @@ def test_bvh_of_a_person_gives_the_joints_back(tmp_path):
         ("ROOT hip", "ROOT hip\nWING", "has the line 'WING' in its skeleton"),
         ("}\nMOTION", "MOTION", "skeleton of a.bvh is not complete"),
         ("\n0.000000 ", "\nzero ", "'zero', which is no number"),
+        ("\n0.000000 ", "\n1.#QNAN ", "'1.#QNAN', which is no number; write nan for"),
     ],
 )
 def test_bvh_with_a_wrong_value_is_refused(tmp_path, old, new, words):

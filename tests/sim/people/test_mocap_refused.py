@@ -32,6 +32,23 @@ def test_built_in_names_are_known(tmp_path, label):
     assert said == label or BUILT_IN[said].items() >= here.items()
 
 
+@pytest.mark.parametrize(
+    "label, old, new",
+    [
+        ("3ds Max Biped", "Bip01 ", "Bip001 "),
+        ("3ds Max Biped", " ", "_"),
+        ("Blender Rigify", "", "DEF-"),
+    ],
+)
+def test_what_exporters_write_otherwise_does_not_matter(tmp_path, label, old, new):
+    here = {j: BUILT_IN[label][j].replace(old, new, -1 if old else 1) for j in STANDING}
+    rename = {BVH_NAMES[j]: n for j, n in here.items()}
+    found, said = joints_of(
+        read_tracks(write_bvh(tmp_path / "a.bvh", person(30), rename=rename))
+    )
+    assert said == label and {j: found[j] for j in STANDING} == here
+
+
 def test_namespace_and_case_do_not_matter(tmp_path):
     names = {"rShldr": "mixamorig:RightArm", "rForeArm": "mixamorig:rightforearm"}
     names |= {"rHand": "mixamorig:RightHand", "hip": "mixamorig:Hips"}
@@ -127,6 +144,22 @@ def test_two_people_in_a_file_are_refused_where_nobody_says_who(tmp_path):
     assert 'write whose it is, as right_shoulder = "Eve:RSHO"' in sentence
     mixed = {j: f"{'Bob' if 'hand' in j else 'Eve'}:{n}" for j, n in MARKERS.items()}
     assert "mixes the bodies of Eve and Bob" in refusal(path, mapping=mixed)
+
+
+def test_two_skeletons_of_the_same_names_are_refused(tmp_path):
+    """The first one would be the person, and nobody would see the other."""
+    path = write_bvh(tmp_path / "a.bvh", person(30))
+    head, motion = path.read_text().split("MOTION")
+    skeleton = head.partition("\n")[2]
+    rows = [line for line in motion.strip().split("\n")]
+    twice = "\n".join([*rows[:2], *(f"{row} {row}" for row in rows[2:])])
+    path.write_text(f"{head}{skeleton}MOTION\n{twice}\n")
+    assert "a.bvh holds two skeletons that have a joint 'hip', and" in refusal(path)
+    for line in ("ROOT ", "JOINT "):
+        skeleton = skeleton.replace(line, f"{line}Eve:")
+    path.write_text(f"{head}{skeleton}MOTION\n{twice}\n")
+    mapping = {j: f"Eve:{n}" for j, n in BVH_NAMES.items()}
+    assert len(load_mocap(path, mapping=mapping).labels) == 9
 
 
 @pytest.mark.parametrize("who", ["Bob", "Eve"])
