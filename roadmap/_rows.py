@@ -15,6 +15,15 @@ def copy_row(source, target):
         target[k] = source[k]
 
 
+@njit(**INNER)
+def same_row(a, b):
+    """Return True if two rows (n,) hold the same numbers; NaN is none."""
+    for k in range(a.shape[0]):
+        if a[k] != b[k]:
+            return False
+    return True
+
+
 @intrinsic
 def in_line(typingctx, rows):  # noqa: ANN001, ANN201
     """Return the numbers of a C array as (n,), in place.

@@ -14,7 +14,7 @@ import numpy as np
 from odm.close_test.close_test import CloseTest
 from odm.close_test.static import StaticTest
 from odm.frame.frame import Cover, Frame
-from roadmap.geometry.kept_covers import kept_cover, kept_excess
+from roadmap.geometry.kept_covers import kept_cover
 from roadmap.geometry.spheres import robot_solids
 from roadmap.kinematics.axis_reach import joint_span, point_reach
 from roadmap.kinematics.joint_tree import PARENT
@@ -23,11 +23,11 @@ from roadmap.robot.robot import Robot
 
 EXCESS = 0.006  # [m] asked for; 60 spheres per link may give more
 _MOST_KEPT = 8
-_kept: dict[str, tuple[Robot, dict[str, float]]] = {}  # by the bare robot
+_kept: dict[str, Robot] = {}  # by the bare robot
 
 
-def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Return the robot with tighter spheres on its outermost links, and their excess.
+def fine_robot(robot: Robot) -> Robot:
+    """Return the robot with tighter spheres on its outermost links.
 
     Takes about a second per link, once on a machine. The same robot gives the
     same spheres.
@@ -40,12 +40,11 @@ def fine_robot(robot: Robot) -> tuple[Robot, dict[str, float]]:
     return _kept[key]
 
 
-def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
+def _covered(robot: Robot) -> Robot:
     links = [k for k, b in enumerate(robot.link_body) if b in outer_bodies(robot)]
     solids = robot_solids(robot)
     parts = {k: [s for s in solids if s.link == k] for k in links}
     covers = {k: kept_cover(parts[k], EXCESS, False) for k in links if parts[k]}
-    excess = {robot.link_names[k]: kept_excess(c, parts[k]) for k, c in covers.items()}
     stays = ~np.isin(robot.sphere_link, list(covers))
     spheres = np.concatenate([robot.spheres[stays], *covers.values()])
     link = np.concatenate(
@@ -56,10 +55,9 @@ def _covered(robot: Robot) -> tuple[Robot, dict[str, float]]:
     new = int(stays.sum())
     reach = point_reach(robot.tree_i, robot.tree_f, span, body[new:], spheres[new:, :3])
     reach = np.concatenate([robot.sphere_reach[stays], reach])
-    fine = replace(
+    return replace(
         robot, spheres=spheres, sphere_body=body, sphere_link=link, sphere_reach=reach
     )
-    return fine, excess
 
 
 def outer_bodies(robot: Robot) -> set[int]:
@@ -75,16 +73,12 @@ def outer_bodies(robot: Robot) -> set[int]:
 
 
 class FineTest:
-    """The four tests' scenery and frame parts with the fine cover.
-
-    Attributes:
-        excess: By link with a fine cover, how far a sphere sticks out at most [m].
-    """
+    """The four tests' scenery and frame parts with the fine cover."""
 
     def __init__(self, frame: Frame) -> None:
         """Cover the outermost links; takes seconds the first time."""
         self.frame = frame
-        self.robot, self.excess = fine_robot(frame.robot)
+        self.robot = fine_robot(frame.robot)
         thing = frame.thing
         if thing is not None:
             self.robot = with_payload(self.robot, thing.spheres, thing.shell, [])

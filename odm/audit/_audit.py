@@ -12,9 +12,8 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
-from roadmap._rows import copy_row
 from roadmap.jit_options import FULL, FULL_INNER, INNER
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, turned
 
 FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
 STEPS = 16  # halvings: the boundary is met to 7 um
@@ -103,6 +102,15 @@ class Found(NamedTuple):
 
 
 @njit(**INNER)
+def point_at(f, p):
+    """Return where pose f (12,) has a point p (>= 3,); no code of what is audited."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
+
+
+@njit(**INNER)
 def compose(f, g, out):
     """Write the product of poses f and g (12,) to out."""
     for i in range(3):
@@ -158,28 +166,32 @@ def turn(a, b, spin, frame):
 
 
 @njit(**FULL_INNER)
+def motion_of(asked, motion):
+    """Return q and dq of a motion: node -1 - motion at rest, or edge `motion`."""
+    if motion < 0:
+        return asked.nodes[-1 - motion], np.zeros(asked.nodes.shape[1])
+    return asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
+
+
+@njit(**FULL_INNER)
 def asked_free(audited, motion, points):
-    """Return what the map says of a motion: node -1 - motion, or edge `motion`."""
+    """Return what the map says of a motion; see `motion_of`."""
     asked, arm, cloud, work, shapes = audited
     clear(cloud)
     mark_points(points, cloud)
     n_nodes = asked.nodes.shape[0]
     if asked.close:
         sort_points(points, cloud)
-        if motion < 0:
-            q, dq = asked.nodes[-1 - motion], np.zeros(asked.nodes.shape[1])
-        else:
-            q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
+        q, dq = motion_of(asked, motion)
         clearance = Clearance(arm, asked.radii, asked.radii, asked.tolerance, work)
         return motion_clear(clearance, q, dq, cloud, shapes, False)
     words = cloud.words
     ptr, block, mask = asked.ptr, asked.block, asked.mask
     if motion < 0:
         return item_hit(ptr, block, mask, -1 - motion, words) < 0
-    if item_hit(ptr, block, mask, asked.edges[motion, 0], words) >= 0:
-        return False
-    if item_hit(ptr, block, mask, asked.edges[motion, 1], words) >= 0:
-        return False
+    for end in asked.edges[motion]:
+        if item_hit(ptr, block, mask, end, words) >= 0:
+            return False
     return item_hit(ptr, block, mask, n_nodes + motion, words) < 0
 
 
@@ -196,13 +208,11 @@ def swallowed(solids, frames, library, k, frame):
         if not solids.used[i]:
             continue
         f, ball = frames[i], solids.parts.ball[i]
-        p = np.empty(3)
-        for c in range(3):
-            p[c] = f[9 + c] - frame[9 + c] + f[3 * c] * ball[0]
-            p[c] += f[3 * c + 1] * ball[1] + f[3 * c + 2] * ball[2]
-        x = frame[0] * p[0] + frame[3] * p[1] + frame[6] * p[2]
-        y = frame[1] * p[0] + frame[4] * p[1] + frame[7] * p[2]
-        z = frame[2] * p[0] + frame[5] * p[1] + frame[8] * p[2]
+        px, py, pz = point_at(f, ball)
+        px, py, pz = px - frame[9], py - frame[10], pz - frame[11]
+        x = frame[0] * px + frame[3] * py + frame[6] * pz
+        y = frame[1] * px + frame[4] * py + frame[7] * pz
+        z = frame[2] * px + frame[5] * py + frame[8] * pz
         if abs(winding(triangles, x, y, z)) > 0.5:
             return i
     return -1
@@ -217,20 +227,13 @@ def exact_distance(solids, frames, library, k, frame, cap, found):
     first, last = library.part_ptr[k], library.part_ptr[k + 1]
     centers = np.empty((last - first, 3))
     for j in range(first, last):
-        ball = b.ball[j]
-        for c in range(3):
-            centers[j - first, c] = frame[9 + c] + (
-                frame[3 * c] * ball[0]
-                + frame[3 * c + 1] * ball[1]
-                + frame[3 * c + 2] * ball[2]
-            )
+        at = centers[j - first]
+        at[0], at[1], at[2] = point_at(frame, b.ball[j])
     for i in range(frames.shape[0]):
         if not solids.used[i]:
             continue
         f, ball = frames[i], a.ball[i]
-        x = f[0] * ball[0] + f[1] * ball[1] + f[2] * ball[2] + f[9]
-        y = f[3] * ball[0] + f[4] * ball[1] + f[5] * ball[2] + f[10]
-        z = f[6] * ball[0] + f[7] * ball[1] + f[8] * ball[2] + f[11]
+        x, y, z = point_at(f, ball)
         for j in range(first, last):
             c = centers[j - first]
             reach = best + ball[3] + b.ball[j, 3]
@@ -254,11 +257,7 @@ def exact_distance(solids, frames, library, k, frame, cap, found):
 def shifted(local, frame, out):
     """Write the samples `local` (n, 3), placed by `frame`, to out."""
     for i in range(local.shape[0]):
-        x, y, z = local[i, 0], local[i, 1], local[i, 2]
-        for c in range(3):
-            out[i, c] = (
-                frame[3 * c] * x + frame[3 * c + 1] * y + frame[3 * c + 2] * z
-            ) + frame[9 + c]
+        out[i, 0], out[i, 1], out[i, 2] = point_at(frame, local[i])
 
 
 @njit(**FULL_INNER)
@@ -273,22 +272,19 @@ def approach(solids, frames, library, pairs, k, frame):
     target = solids.targets[pairs.target[k]]
     f = frames[solids.target_part[pairs.target[k]]]
     aim = library.aims[pairs.aim[k]]
+    normal = turned(f, target[3], target[4], target[5])
     facing = np.empty(3)
     size = 0.0
     for c in range(3):
-        normal = f[3 * c] * target[3] + f[3 * c + 1] * target[4]
-        normal += f[3 * c + 2] * target[5]
-        line[3 + c] = normal + pairs.wobble[k, c]
-        facing[c] = -normal + pairs.wobble[k, 3 + c]
+        line[3 + c] = normal[c] + pairs.wobble[k, c]
+        facing[c] = -normal[c] + pairs.wobble[k, 3 + c]
         size += line[3 + c] ** 2
     size = math.sqrt(size)
     turn(aim[3:6], facing, pairs.spin[k], frame)
+    place, offset = point_at(f, target), turned(frame, aim[0], aim[1], aim[2])
     for c in range(3):
         line[3 + c] /= size
-        p = f[3 * c] * target[0] + f[3 * c + 1] * target[1] + f[3 * c + 2] * target[2]
-        offset = frame[3 * c] * aim[0] + frame[3 * c + 1] * aim[1]
-        offset += frame[3 * c + 2] * aim[2]
-        line[c] = p + f[9 + c] + pairs.shift[k, c] - offset
+        line[c] = place[c] + pairs.shift[k, c] - offset[c]
     return Coming(which, local, frame, line, np.empty(local.shape))
 
 
@@ -317,12 +313,9 @@ def audit_pairs(audited, solids, library, pairs, cap, found):
     nearest = np.empty(1, np.int64)
     for k in range(pairs.motion.shape[0]):
         motion, which = pairs.motion[k], pairs.obstacle[k]
-        if motion < 0:
-            copy_row(asked.nodes[-1 - motion], q)
-        else:
-            node = asked.nodes[asked.edges[motion, 0]]
-            for j in range(q.shape[0]):
-                q[j] = node[j] + pairs.t[k] * asked.dq[motion, j]
+        begin, dq = motion_of(asked, motion)
+        for j in range(q.shape[0]):
+            q[j] = begin[j] + pairs.t[k] * dq[j]
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, frames)
         frame = found.frame[k]
         coming = approach(solids, frames, library, pairs, k, frame)

@@ -15,8 +15,10 @@ from odm.audit._audit import (
     approach,
     exact_distance,
     free_at,
+    motion_of,
     move_to,
     place_solids,
+    point_at,
 )
 from odm.close_test._arm import Clearance
 from odm.close_test._close import motion_clear
@@ -118,11 +120,10 @@ def place_capsules(library, coming, solids):
     ):
         a, b = parts.points[parts.ptr[j]], parts.points[parts.ptr[j + 1] - 1]
         row = solids.rows[n]
+        begin, end = point_at(f, a), point_at(f, b)
         row[7] = 0.0
         for c in range(3):
-            g = f[3 * c : 3 * c + 3]
-            row[c] = g[0] * a[0] + g[1] * a[1] + g[2] * a[2] + f[9 + c]
-            row[3 + c] = g[0] * b[0] + g[1] * b[1] + g[2] * b[2] + f[9 + c] - row[c]
+            row[c], row[3 + c] = begin[c], end[c] - begin[c]
             row[7] += row[3 + c] * row[3 + c]
         row[6] = parts.margin[j]
         solids.kind[n] = CAPSULE
@@ -133,13 +134,8 @@ def place_capsules(library, coming, solids):
 @njit(**FULL_INNER)
 def scan_shapes(close, motion, cloud, library, coming):
     """Return where the close test of shapes first gives a motion up; NaN: never."""
-    asked = close.asked
     clear(cloud)
-    q, dq = asked.nodes[0], np.zeros(asked.nodes.shape[1])
-    if motion < 0:
-        q = asked.nodes[-1 - motion]
-    else:
-        q, dq = asked.nodes[asked.edges[motion, 0]], asked.dq[motion]
+    q, dq = motion_of(close.asked, motion)
     s = FAR
     while s > -FAR:
         move_to(s, coming)
@@ -205,13 +201,11 @@ def distance_along(s, audited, motion, solids, samples, library, coming):
     asked, arm = audited.asked, audited.arm
     bodies = np.empty((arm.tree_i.shape[0], 12))
     placed = Placed(solids, np.empty((solids.body.shape[0], 12)))
-    best = 2.0 * FAR
+    best, (begin, dq) = 2.0 * FAR, motion_of(asked, motion)
     for i in range(samples):
-        t = i / (samples - 1.0)
-        q = asked.nodes[asked.edges[motion, 0]] + t * asked.dq[motion]
+        q = begin + i / (samples - 1.0) * dq
         place_solids(arm.tree_i, arm.tree_f, solids, q, bodies, placed.frames)
-        d = distance_at(s, SOLIDS, placed, library, coming)
-        best = min(best, d)
+        best = min(best, distance_at(s, SOLIDS, placed, library, coming))
     return best
 
 

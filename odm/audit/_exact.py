@@ -259,14 +259,9 @@ def ball_gap(a, i, frame_a, b, j, frame_b):
 def nearest_pair(a, use_a, frames_a, b, frames_b, cap, found):
     """Return the smallest distance of two sets of convexes, and how sure it is [m].
 
-    Args:
-        a: Convexes of the robot, `frames_a` (n, 12) their poses; `use_a` (n,) selects.
-        use_a: See above.
-        frames_a: See above.
-        b: Convexes of the obstacles.
-        frames_b: (m, 12) poses.
-        cap: Distances beyond this are not resolved: the answer is at most `cap`.
-        found: (2,) out: the two indices, -1 where nothing is nearer than `cap`.
+    Of those of the robot that `use_a` (n,) selects and all of the obstacles, at poses
+    `frames_a` (n, 12) and `frames_b` (m, 12). Distances beyond `cap` are not resolved:
+    the answer is at most that. `found` (2,) gets the two indices, -1 for none.
 
     Returns:
         A lower bound, and the gap to the upper bound of that pair. At most 0 where

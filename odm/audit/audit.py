@@ -17,13 +17,12 @@ from odm.audit.audit_library import (
 )
 from odm.audit.audit_report import AuditReport, Case
 from odm.audit.audit_targets import audit_solids
-from odm.audit.exact import ExactObstacles, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
 from roadmap.chunks import Progress
 from roadmap.kinematics.forward import difference
-from roadmap.transforms import moved_points, pose_of_flat
+from roadmap.transforms import pose_of_flat
 
 CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 # the last two fifths of a chunk: children of its nearest pairs, in generations
@@ -117,13 +116,12 @@ class Auditor:
     def measure(self, pairs: kernels.Pairs) -> kernels.Found:
         """Ask the map about pairs, and measure those it calls free."""
         cell_map, n = self.cell_map, len(pairs.motion)
-        dof, n_bodies = cell_map.robot.dof, len(cell_map.robot.tree_i)
         found = kernels.Found(
             np.zeros(n, bool), np.zeros(n, bool), np.empty(n), np.empty(n),
             np.zeros(n, np.int64), np.empty((n, 12)),
         )  # fmt: skip
         cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
-        work = make_work(len(cell_map.arm.spheres), n_bodies, dof)
+        work = make_work(cell_map.arm, cell_map.robot.dof)
         audited = kernels.Audited(self.asked, cell_map.arm, cloud, work, NO_SOLIDS)
         kernels.audit_pairs(audited, self.solids, self.library, pairs, CAP, found)
         return found
@@ -142,15 +140,6 @@ class Auditor:
         which = int(pairs.obstacle[k])
         family = self.specimens[which].family
         return Case(motion, t, q, family, which, T, link, float(found.distance[k]))
-
-    def obstacles(self, case: Case) -> ExactObstacles:
-        """Return the obstacle of a case where it stood, for `ExactRobot.distance`."""
-        shapes = self.specimens[case.specimen].shapes
-        return obstacles_of([shape.moved(case.T_base_obstacle) for shape in shapes])
-
-    def points(self, case: Case) -> np.ndarray:
-        """Return the samples of a case's obstacle where it stood, (n, 3) [m]."""
-        return moved_points(self.specimens[case.specimen].points, case.T_base_obstacle)
 
 
 class Totals:

@@ -92,7 +92,7 @@ def clearance_overhead(
     most = max(np.diff(part.point_ptr).max() for part in (cells.library, as_frames))
     cloud = cell_map.grid.new_cloud(int(most))
     robot = cell_map.robot
-    work = make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+    work = make_work(cell_map.arm, robot.dof)
     rng = np.random.default_rng([seed, 2])
     audited = Audited(cells.asked, cell_map.arm, cloud, work, NO_SOLIDS)
     pairs = cells.draw(0, n)._replace(

@@ -178,13 +178,11 @@ def clear_eighths(view, cells, scratch):
     blocked, closed, full = cells.blocked, cells.closed, cells.full
     beyond, state, hit, eighths = cells.beyond, cells.state, cells.hit, cells.eighths
     origin, h = cells.origin, cells.h
-    n = 0
     for x in range(blocked.shape[0]):
         for y in range(blocked.shape[1]):
             for w in range(blocked.shape[2]):
                 word = blocked[x, y, w] & ~closed[x, y, w] & ~beyond[x, y, w]
                 z = 64 * w - 1
-                bit = np.uint64(1)
                 while word != 0:
                     mine = word & np.uint64(1) != 0
                     word >>= np.uint64(1)
@@ -198,7 +196,6 @@ def clear_eighths(view, cells, scratch):
                     wanted = eighths[x, y, z] & ~hit[x, y, z]
                     if wanted == 0 or not beside_free(state, x, y, z):
                         continue
-                    n += 1
                     corner = origin[0] + h * x, origin[1] + h * y, origin[2] + h * z
                     free = open_eighths(sight, corner, h, wanted, scratch)
                     if free == 0:
@@ -209,7 +206,6 @@ def clear_eighths(view, cells, scratch):
                     if left == 0:
                         state[x, y, z] = FREE
                         blocked[x, y, w] &= ~bit
-    return n
 
 
 @njit(**LEAN)

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.jit_options import INNER, LEAN
+from roadmap.kinematics._forward import place_of
 
 TILE_BITS = 4
 TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
@@ -75,9 +76,7 @@ def list_balls(view, centers, radii, balls, width, height):
     for n in range(centers.shape[0]):
         p = centers[n]
         r = radii[n]
-        x = pose[0] * p[0] + pose[1] * p[1] + pose[2] * p[2] + pose[9]
-        y = pose[3] * p[0] + pose[4] * p[1] + pose[5] * p[2] + pose[10]
-        z = pose[6] * p[0] + pose[7] * p[1] + pose[8] * p[2] + pose[11]
+        x, y, z = place_of(pose, p)
         balls[n, 0], balls[n, 1], balls[n, 2], balls[n, 3] = x, y, z, r * r
         if inside < 0 and x * x + y * y + z * z <= r * r:
             inside = n

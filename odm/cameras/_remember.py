@@ -45,14 +45,9 @@ class Sources(NamedTuple):
 def note_content(state8, before8, state, before, kept, since, when):
     """Keep what cells held that were seen in the frame before and are not seen now.
 
-    Args:
-        state8: (n / 8,) `state`, eight cells at a time.
-        before8: (n / 8,) `before`, eight cells at a time.
-        state: (n,) uint8 what is seen now.
-        before: (n,) the same one frame earlier.
-        kept: (n,) last content of unseen cells; 0 for cells seen now or never.
-        since: (n,) float64 when a kept cell was last seen [s].
-        when: Time of the frame before [s].
+    `state` and `before` (n,) uint8 are what is seen now and was then, at `when` [s];
+    `state8` and `before8` (n / 8,) the same, eight cells at a time. `kept` and `since`
+    as in `Kept`; 0 is kept of cells seen now or never.
     """
     for w in range(state8.shape[0]):
         if state8[w] == before8[w]:
@@ -69,9 +64,9 @@ def note_content(state8, before8, state, before, kept, since, when):
 
 @njit(**LEAN)
 def list_sources(content, now, ageing, sources):
-    """List remembered cells by how many cells they are dilated; drop the expired.
+    """List remembered cells by how many cells they are dilated; drop those expired now.
 
-    `now` [s]. Returns the number of sources.
+    `now` [s] is by the clock of `since`.
     """
     kept8, kept, since = content
     memory_s, speed, h, policy = ageing
@@ -106,7 +101,6 @@ def list_sources(content, now, ageing, sources):
     for j in range(most + 1, 0, -1):
         ptr[j] = ptr[j - 1]
     ptr[0] = 0
-    return ptr[most + 1]
 
 
 @njit(**INNER)

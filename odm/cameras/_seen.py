@@ -26,6 +26,7 @@ from numba import njit
 
 from odm.cameras._windows import cover, least, none_above
 from roadmap.jit_options import INNER, LEAN
+from roadmap.kinematics._forward import place_of
 
 HIDDEN, PARTLY, WHOLE = 0, 1, 2  # how much of a cube's image lies in the picture
 CUT = 3  # a hidden block with cells that are not: it reaches behind the camera
@@ -92,23 +93,17 @@ def place_cube(sight, center, half, out):
     f (dx - dz x / z) / (z + dz) away from it; the numerator is largest at the corner
     that has the sign of each of its terms.
 
-    Args:
-        sight: The camera; the shape of its table counts.
-        center: (px, py, pz) [m].
-        half: Half of the cube's side [m].
-        out: (5,) squares of the table that cover it; see `_windows.py`.
+    `half` is half of the cube's side [m]; `out` (5,) gets the squares of the camera's
+    table that cover it (see `_windows.py`).
 
     Returns:
         HIDDEN, PARTLY or WHOLE, and the reading that must be exceeded behind it.
     """
     pose, lens, table = sight
-    px, py, pz = center
-    z = pose[6] * px + pose[7] * py + pose[8] * pz + pose[11]
+    x, y, z = place_of(pose, center)
     deep = half * (abs(pose[6]) + abs(pose[7]) + abs(pose[8]))
     if z - deep < NEAREST:
         return HIDDEN, 0
-    x = pose[0] * px + pose[1] * py + pose[2] * pz + pose[9]
-    y = pose[3] * px + pose[4] * py + pose[5] * pz + pose[10]
     sx, sy = x / z, y / z
     grow = half / (z - deep)
     wide = lens[0] * grow * spread(pose, 0, sx)
@@ -213,8 +208,7 @@ def see_block(near, seen, cells, state, block, shadow):
 
 @njit(**LEAN)
 def mark_hits(hit4, hit, state):
-    """Cells with a point are OCCUPIED, whatever else was seen; return their number."""
-    n = 0
+    """Let cells with a point be OCCUPIED, whatever else was seen."""
     for i in range(hit4.shape[0]):
         for j in range(hit4.shape[1]):
             for k in range(hit4.shape[2]):
@@ -223,5 +217,3 @@ def mark_hits(hit4, hit, state):
                 for z in range(4 * k, 4 * k + 4):
                     if hit[i, j, z] != 0 and state[i, j, z] != BEYOND:
                         state[i, j, z] = OCCUPIED
-                        n += 1
-    return n

@@ -27,19 +27,11 @@ def largest_of_squares(level, top):
 
 @njit(**INNER)
 def cover(left, right, low, high, table, out):
-    """Write the four squares that cover a rectangle of entries, inclusive.
+    """Write the four squares that cover a rectangle of entries of a table, inclusive.
 
-    Args:
-        left: First column.
-        right: Last column.
-        low: First row.
-        high: Last row.
-        table: (levels, rows, columns).
-        out: (5,) level, first and last column of squares, first and last row of them.
-            A side shorter than the squares is lengthened.
-
-    Returns:
-        False where the rectangle is too large for any level.
+    Columns left to right, rows low to high. `out` (5,) gets the level, first and last
+    column of squares, first and last row of them; a side shorter than the squares is
+    lengthened. False where the rectangle is too large for any level.
     """
     level = 0
     while 2 << level < max(right - left, high - low) + 1:

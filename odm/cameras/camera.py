@@ -14,9 +14,8 @@ NO_READING = (0, 65535)  # pixel values that tell nothing
 MOST_PIXELS = 16384  # a side
 MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
-_STEEPEST = (
-    75.0  # degrees between a surface's normal and the ray: raw points hold there
-)
+# degrees between a surface's normal and the ray: raw points hold there
+_STEEPEST = 75.0
 _SIDES = ("width", "height")
 _SIDE = f"a whole number of pixels from 8 to {MOST_PIXELS}; take the size of its images"
 _ABOVE = "above 0; take it from the camera's calibration"

@@ -167,7 +167,7 @@ def covering_radius(cell_map: CellMap) -> float:
 
 
 def needs_all_cubes(cell_map: CellMap, radius: float) -> bool:
-    """Return True if centres of inner cells alone would not do; see `cubes.py`."""
+    """Return True if centres of inner cells alone would not do; see `_cubes.py`."""
     least = float(cell_map.arm.spheres[:, 3].min(initial=np.inf))
     if cell_map.payload is not None:
         least = 0.0  # what will be carried may be covered by ever so small spheres

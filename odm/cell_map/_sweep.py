@@ -132,34 +132,23 @@ def sweep_motion(swept, q, dq, scratch):
     Spheres of body 0 are left out, they never move.
     """
     arm, radii, tolerance, _ = swept
-    motion_bounds(
-        arm.tree_i,
-        arm.tree_f,
-        arm.reach,
-        dq,
-        scratch.rates,
-        scratch.speed,
-        scratch.bend,
-    )
+    speed, bend, most = scratch.speed, scratch.bend, abs(tolerance)
+    motion_bounds(arm.tree_i, arm.tree_f, arm.reach, dq, scratch.rates, speed, bend)
     finest = 0
     for i in range(radii.shape[0]):
-        level, _ = sample_level(
-            radii[i], scratch.speed[i], scratch.bend[i], abs(tolerance)
-        )
-        finest = max(finest, level)
+        finest = max(finest, sample_level(radii[i], speed[i], bend[i], most))
     pieces = 1 << finest
     place_samples(arm, q, dq, pieces, scratch)
     for i in range(radii.shape[0]):
         if arm.body[i] == 0:
             continue
-        if scratch.speed[i] == 0.0 or tolerance < 0.0:
-            pieces_i = 0
-        else:
+        pieces_i = 0
+        if speed[i] != 0.0 and tolerance >= 0.0:
             # by the true chords, fewer pieces do than by the bound on the speed
             pieces_i = 1
             while True:
                 dt = 1.0 / pieces_i
-                tube = radii[i] + SAG_SHARE * scratch.bend[i] * dt * dt / 8.0
+                tube = radii[i] + SAG_SHARE * bend[i] * dt * dt / 8.0
                 step = pieces // pieces_i
                 half = 0.5 * longest_chord(scratch.centers, i, step, pieces)
                 if math.sqrt(tube * tube + half * half) - radii[i] <= tolerance:

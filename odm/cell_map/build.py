@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
-from odm.cell_map.chunk_work import StaticTestSpec, motion_job, static_test
+from odm.cell_map.chunk_work import motion_job
 from odm.cell_map.estimate import check_size
 from odm.cell_map.payload import build_payload, envelope_spheres
 from odm.cell_map.recipe import Recipe, load_recipe
@@ -57,16 +57,8 @@ def build_map(
     check_size(robot, recipe)
     scenery = always_touching(robot, scenery, recipe.safety)
     workers = workers or Threads(threads)
-    roadmap, report = build_roadmap(
-        robot,
-        recipe.roadmap,
-        static_test(
-            StaticTestSpec(robot, scenery, recipe.safety), threads
-        ).motions_free,
-        progress,
-        _tested_by(workers, robot, scenery, recipe),
-        workers,
-    )
+    tested = _tested_by(workers, robot, scenery, recipe)
+    roadmap, report = build_roadmap(robot, recipe.roadmap, tested, progress, workers)
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)

@@ -57,6 +57,7 @@ class Clearance(NamedTuple):
     work: Work
 
 
-def make_work(n_spheres: int, n_bodies: int, dof: int) -> Work:
-    """Return scratch for a robot of this size."""
-    return new(Work, {"spheres": n_spheres, "bodies": n_bodies, "dof": dof})
+def make_work(arm: Arm, dof: int) -> Work:
+    """Return scratch for a robot with so many moving joints."""
+    sizes = {"spheres": len(arm.spheres), "bodies": len(arm.tree_i), "dof": dof}
+    return new(Work, sizes)

@@ -23,7 +23,12 @@ from odm.obstacles._solids import (
 )
 from roadmap._rows import in_line
 from roadmap.jit_options import BARE_INNER, INNER, LEAN, WITHIN_INNER
-from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
+from roadmap.kinematics._forward import (
+    body_frames,
+    motion_bounds,
+    place_of,
+    place_points,
+)
 
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
@@ -31,15 +36,6 @@ ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
 MANY = 24  # boxes or points that are measured several at once, before one by one
 BALL_ROUNDING = 1e-9  # [m] by which a body's ball is larger than computed
 FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
-
-
-@njit(**INNER)
-def place_of(f, p):
-    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
-    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
-    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
-    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
-    return x, y, z
 
 
 @njit(**INNER)
@@ -158,8 +154,7 @@ def prepare_motion(clearance, dq):
         bottom = 0
         if widest > 0.0:
             # at least as deep as the cells of any of its spheres
-            bottom, _ = sample_level(thinnest, fastest, bend, tolerance)
-            bottom += 1
+            bottom = 1 + sample_level(thinnest, fastest, bend, tolerance)
         while bottom < MAX_LEVEL and bend > 8.0 * FINE_SAG * (1 << 2 * bottom):
             bottom += 1
         early = 0
@@ -695,8 +690,6 @@ def separation(arm, q, cloud, solids, limit, work):
 
 
 MAX_LEVEL = 8  # finest dichotomy; above it the balls grow instead
-
-
 # All finer chords stay within 1 + 1/4 times the sag of a coarse one (see docs); the
 # cells take 4/3, so that what cells call free the close test calls free at any depth.
 SAG_SHARE = 4.0 / 3.0
@@ -704,7 +697,7 @@ SAG_SHARE = 4.0 / 3.0
 
 @njit(**INNER)
 def sample_level(radius, speed, bend, tolerance):
-    """Return (level, ball radius) for a sphere: 2**level pieces of its motion."""
+    """Return the level for a sphere: its motion is sampled in 2**level pieces."""
     level = 0
     while True:
         dt = 1.0 / (1 << level)
@@ -712,5 +705,5 @@ def sample_level(radius, speed, bend, tolerance):
         half = 0.5 * speed * dt
         ball = math.sqrt((radius + sag) * (radius + sag) + half * half)
         if ball - radius <= tolerance or level == MAX_LEVEL:
-            return level, ball
+            return level
         level += 1

@@ -15,7 +15,7 @@ def hulls_apart(points, ptr, slack, radii, least, frame, room, free):
     By a lower bound: rounding can cost a yes, and never bring one.
 
     Args:
-        points: (n, 3) vertices of all hulls [m], finite; the robot's come first.
+        points: (n, 3) vertices of all hulls [m], finite; the robot's k come first.
         ptr: (k + j + 1,) first row of each hull, and n.
         slack: (k,) what comes off the distances of each of the robot's [m].
         radii: (j,) by which the obstacles are larger than their hulls [m].

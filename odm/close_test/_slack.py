@@ -15,7 +15,6 @@ import math
 import numpy as np
 from numba import njit
 
-from odm.close_test._close import place_of
 from odm.obstacles._solids import (
     BOX,
     CAPSULE,
@@ -26,6 +25,7 @@ from odm.obstacles._solids import (
 )
 from roadmap._rows import in_line
 from roadmap.jit_options import BARE_INNER, INNER
+from roadmap.kinematics._forward import place_of
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly
 LEAST = 1e-3  # [m] what has less to spare is tested anew
@@ -183,16 +183,9 @@ def in_fours(arm, b):
 def lines_from_rod(spheres, which, f, g, rod, gap):
     """Write to `gap` what the lines of spheres' centres have to spare from a capsule.
 
-    Its arithmetic is that of `line_distance`, without a branch, so that the processor
+    Of spheres which[0] to which[1] - 1 (n, 4), whose body goes from frame f to g (12,).
+    The arithmetic is that of `line_distance`, without a branch, so that the processor
     does it for four spheres at once.
-
-    Args:
-        spheres: (n, 4) centres in the body's frame, and radii [m].
-        which: The first sphere, and the one after the last.
-        f: (12,) frame of the body where the lines begin.
-        g: (12,) frame where they end.
-        rod: (19,) row of the capsule.
-        gap: (n,) where the distances go [m].
     """
     flat = in_line(spheres)
     rx, ry, rz, ux, uy, uz = rod[0], rod[1], rod[2], rod[3], rod[4], rod[5]

@@ -3,13 +3,7 @@
 import numpy as np
 from numba import njit
 
-from odm.close_test._close import (
-    is_finite,
-    list_near,
-    place_of,
-    prepare_motion,
-    set_point,
-)
+from odm.close_test._close import is_finite, list_near, prepare_motion, set_point
 from odm.obstacles._cloud import (
     AS_GIVEN,
     CHUNK,
@@ -31,7 +25,7 @@ from odm.obstacles._occupancy import (
 )
 from roadmap._rows import in_line
 from roadmap.jit_options import INNER, LEAN
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, place_of
 
 ALL_CELLS = np.uint64(0xFFFFFFFFFFFFFFFF)  # of a block
 FAR = 4e15  # in cells; what is not nearer is no number

@@ -22,7 +22,7 @@ from odm.obstacles._solids import Solids as Shapes
 from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
 from roadmap.geometry._self_collision import NEAR_END, motion_apart
 from roadmap.jit_options import INNER, LEAN
-from roadmap.kinematics._forward import body_frames, motion_bounds
+from roadmap.kinematics._forward import body_frames, motion_bounds, place_of
 
 PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0  # first number of a row
 FAR = 1.0  # [m] from a hull, where a ball around it is near enough to the truth
@@ -119,10 +119,7 @@ def body_near_solids(arm, b, f, half, solids, work):
     """Test body b against all solids; 0 free, 1 open, 2 in contact."""
     rows, skip, margin, _, faces = solids
     result = 0
-    bx, by, bz = arm.bound[b, 0], arm.bound[b, 1], arm.bound[b, 2]
-    wx = f[0] * bx + f[1] * by + f[2] * bz + f[9]
-    wy = f[3] * bx + f[4] * by + f[5] * bz + f[10]
-    wz = f[6] * bx + f[7] * by + f[8] * bz + f[11]
+    wx, wy, wz = place_of(f, arm.bound[b])
     reach = arm.bound[b, 3] + work.body_radius[b] + margin
     reach += work.body_speed[b] * half
     for k in range(rows.shape[0]):
@@ -130,9 +127,7 @@ def body_near_solids(arm, b, f, half, solids, work):
             continue
         for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
             s = arm.spheres[i]
-            cx = f[0] * s[0] + f[1] * s[1] + f[2] * s[2] + f[9]
-            cy = f[3] * s[0] + f[4] * s[1] + f[5] * s[2] + f[10]
-            cz = f[6] * s[0] + f[7] * s[1] + f[8] * s[2] + f[11]
+            cx, cy, cz = place_of(f, s)
             d = solid_distance(cx, cy, cz, rows[k], faces) - s[3] - margin
             if not d >= 0.0:  # a NaN is contact
                 work.found[0] = i

@@ -267,8 +267,7 @@ class StaticTest:
 
     def new_work(self) -> Work:
         """Return scratch for one thread of tests."""
-        n_bodies = len(self.robot.tree_i)
-        return make_work(len(self.arm.spheres), n_bodies, self.robot.dof)
+        return make_work(self.arm, self.robot.dof)
 
     def cloud_of(self, points: np.ndarray, extra: float = 0.0) -> Cloud:
         """Return points (n, 3) on the grid as the close test takes them.
@@ -329,7 +328,7 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
     could get away is never dropped. Every drop is listed in the map.
     """
     arm = arm_of(robot)
-    work = make_work(len(arm.spheres), len(robot.tree_i), robot.dof)
+    work = make_work(arm, robot.dof)
     rng = np.random.default_rng(0)
     sample = robot.lower + rng.random((256, robot.dof)) * (robot.upper - robot.lower)
     dropped = []

@@ -76,9 +76,7 @@ class IntentThreat:
 
 
 def intent_threat(
-    spheres: RobotSpheres,
-    intent: Intent,
-    T_base_other: np.ndarray,
+    spheres: RobotSpheres, intent: Intent, T_base_other: np.ndarray
 ) -> IntentThreat:
     """Return what a robot with an intent may sweep.
 

@@ -6,18 +6,9 @@ edges pass the close test; an edge whose node is closed at once is closed with i
 
 from numba import njit
 
-from odm.close_test._close import (
-    begin_intervals,
-    bodies_at_solids,
-    body_at,
-    displacement,
-    is_finite,
-    motion_clear,
-    prepare_motion,
-)
-from odm.obstacles._cloud import N_LISTED, N_OCCUPIED
+from odm.close_test._close import displacement, motion_clear, place_clear
+from odm.obstacles._cloud import N_OCCUPIED
 from roadmap.jit_options import LEAN
-from roadmap.kinematics._forward import body_frames
 
 NEAR, SHUT = 1, 2  # marks of an item: it shares a cell; it is closed for good
 
@@ -55,43 +46,19 @@ def items_near(direct, graph, cloud, mark, found):
 
 
 @njit(**LEAN)
-def shut_nodes(clearance, graph, cloud, solids, items, mark, still):
-    """Mark the nodes of `items` that the close test finds too near as SHUT.
-
-    What the test of a motion would say of a node that stands still, prepared once for
-    all of them. `still` (dof,) is 0.
-    """
+def shut_nodes(clearance, graph, cloud, solids, items, mark):
+    """Mark the nodes of `items` that the close test finds too near as SHUT."""
     n_nodes = graph.adj_ptr.shape[0] - 1
-    arm, work = clearance.arm, clearance.work
-    points, shapes = cloud.counts[N_LISTED] > 0, solids.count[0] > 0
-    known = prepare_motion(clearance, still)
-    begin_intervals(arm, work)
-    mask = work.masks[0]
-    for k in range(items.shape[0]):
-        v = items[k]
-        if v >= n_nodes:
-            continue
-        if not (known and is_finite(graph.nodes[v], still)):
+    for v in items:
+        if v < n_nodes and not place_clear(clearance, graph.nodes[v], cloud, solids):
             mark[v] = SHUT
-            continue
-        body_frames(arm.tree_i, arm.tree_f, graph.nodes[v], work.frames[0])
-        if shapes and not bodies_at_solids(clearance, mask, 0.0, solids, False):
-            mark[v] = SHUT
-        elif points:
-            for b in range(1, mask.shape[0]):
-                if mask[b] and body_at(
-                    clearance, b, work.frames[0, b], 0.0, cloud, False
-                ):
-                    mark[v] = SHUT
-                    break
 
 
 @njit(**LEAN)
 def split_edges(graph, items, mark, open_):
-    """Mark the edges of `items` with a shut node as SHUT; list the others.
+    """Mark the edges of `items` with a shut node as SHUT, list the others in `open_`.
 
-    Returns how many were listed in `open_`: they are to be tested. Nodes that are not
-    shut lose their mark, and all others keep it.
+    Returns how many were listed: they are to be tested.
     """
     n_nodes = graph.adj_ptr.shape[0] - 1
     count = 0

@@ -80,12 +80,12 @@ class Carrier:
         frame.static = self.bare.carrying(robot, fenced=layer is None)
         frame.thing, self.robot = thing, robot
         m, arm = frame.memory, frame.static.arm
-        work = make_work(len(arm.spheres), len(arm.tree_i), robot.dof)
         n, motion_bound = len(arm.spheres), center_motion_bounds(arm, robot.dof)
         robot_state = m.robot_state._replace(
             radii=np.zeros(n), bare=np.zeros(n), motion_bound=motion_bound
         )
         held = self._closed_groups() if layer is None else self._groups
+        work = make_work(arm, robot.dof)
         groups = {"arm": arm, "work": work, "robot_state": robot_state}
         exchange(m, {**groups, **held})
         self.items.follow(self.things)

@@ -400,8 +400,7 @@ class Frame:
     def _take_others(self, n: int, points: np.ndarray) -> str | None:
         """Go on where `begin_shapes` returned another number of points than before.
 
-        Returns:
-            Why there are no points to use, None where there are.
+        Returns why there are no points to use, None where there are.
         """
         obstacles = self.obstacles
         while True:

@@ -180,7 +180,6 @@ class PlaceItems:
         self._closed = np.zeros(n, np.bool_) if closed is None else closed
         self._count = np.zeros(n, np.uint16)  # things that close an item
         self._mark, self._found = np.zeros(n, np.uint8), np.empty(n, np.int32)
-        self._still = np.zeros(static.robot.dof)
         self._things: dict[str, _Closed] = {}
 
     @property
@@ -217,7 +216,8 @@ class PlaceItems:
         if end <= begin:
             return
         items, free = closed.waiting[begin:end], closed.free[begin:end]
-        joints, dq = self._static.robot.continuous, np.empty_like(self._still)
+        robot = self._static.robot
+        joints, dq = robot.continuous, np.empty(robot.dof)
         kernels.items_clear(*self._test_of(closed), items, joints, dq, free)
         closed.tested[0] = end
         self._step(items[free], -1)
@@ -265,7 +265,7 @@ class PlaceItems:
         closed = _Closed(thing, items, *nothing, cloud)
         clearance, _, _, solids = self._test_of(closed)
         now = items[:NODES_AT_ONCE]
-        kernels.shut_nodes(clearance, graph, cloud, solids, now, mark, self._still)
+        kernels.shut_nodes(clearance, graph, cloud, solids, now, mark)
         nodes = items[len(now) : np.searchsorted(items, len(graph.nodes))]
         n = kernels.split_edges(graph, items, mark, self._found)
         waiting = np.concatenate([nodes, self._found[:n]])

@@ -82,11 +82,7 @@ def mark_more(given, points, begin, end, cloud):
 
 @njit(**INNER)
 def mark_cells(where, cloud):
-    """Mark cells block << 6 | bit, -1 for none, and list their blocks.
-
-    Returns:
-        How many there are.
-    """
+    """Mark cells block << 6 | bit, -1 for none; list their blocks; return how many."""
     words, occupied, slot = cloud.words, cloud.occupied, cloud.slot
     n_occupied = cloud.counts[N_OCCUPIED]
     n_inside = np.uint64(0)
@@ -158,12 +154,8 @@ def count_not_finite(flat, corners, h):
 def find_cells(steps, where, shape):
     """Write to `where` (n,) the cells of points, -1 for those outside the grid.
 
-    A cell is block << 6 | bit. In vector code as `find_steps`, by integers of 32 bits.
-
-    Args:
-        steps: (3 n,) cells from the grid's corner; see `find_steps`.
-        where: (n,) where the cells go.
-        shape: (3,) blocks of the grid.
+    A cell is block << 6 | bit. In vector code as `find_steps`, whose `steps` it takes,
+    by integers of 32 bits. `shape` (3,) are the blocks of the grid.
     """
     nby, nbz = np.int32(shape[1]), np.int32(shape[2])
     nx, ny, nz = np.uint32(4 * shape[0]), np.uint32(4 * nby), np.uint32(4 * nbz)
@@ -237,7 +229,6 @@ def dilate_points(points, extra, cloud):
                     add_cell(column + (iz >> 2), row | (iz & 3), cloud)
     # a point from outside is in a block that was added last
     cloud.counts[N_LISTED] = cloud.counts[N_OCCUPIED]
-    return cloud.counts[N_BAD]
 
 
 @njit(**LEAN)
@@ -292,26 +283,23 @@ def sort_points(points, cloud):
 
 @njit(**INNER)
 def pick_points(pick, cloud, points):
-    """Collect the points of the picked cells, by block; return their number.
+    """Collect the points of the picked cells, by block.
 
-    Only the points of the picked blocks are looked at: the cloud is sorted, or linked
-    here.
+    Only those of the picked blocks are looked at: the cloud is sorted, or linked here.
     """
     n_picked, n_points = pick.counts[N_OCCUPIED], cloud.counts[N_GIVEN]
     pick.counts[N_INSIDE] = 0
     pick.counts[LAYOUT] = SORTED
     pick.counts[N_LISTED] = 0
     if n_picked == 0 or n_points == 0:
-        return 0
+        return
     pick.counts[N_LISTED] = n_picked
     if cloud.counts[LAYOUT] == SORTED:
-        found = pick_sorted(pick, cloud)
-    else:
-        if cloud.counts[LAYOUT] == AS_GIVEN:
-            link_points(cloud)
-        found = pick_linked(pick, cloud, points)
-    pick.counts[N_INSIDE] = found
-    return found
+        pick.counts[N_INSIDE] = pick_sorted(pick, cloud)
+        return
+    if cloud.counts[LAYOUT] == AS_GIVEN:
+        link_points(cloud)
+    pick.counts[N_INSIDE] = pick_linked(pick, cloud, points)
 
 
 @njit(**INNER)

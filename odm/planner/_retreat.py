@@ -23,15 +23,9 @@ class Coming(NamedTuple):
 def next_better(arm, coming, q, dq, needed, bounds, work):
     """Return the first direction that keeps more distance from solids, and how much.
 
-    Args:
-        arm: The robot.
-        coming: See Coming.
-        q: (dof,) where the robot stands.
-        dq: (k, dof) the motions from there.
-        needed: (k,) how long each takes [s].
-        bounds: (3,) the first motion to look at; the distance to be above; the distance
-            above which more is no better [m].
-        work: Scratch.
+    Of motions dq (k, dof) from q, each of which takes `needed` (k,) [s]. `bounds` (3,):
+    the first to look at; the distance to be above; that above which more is no better
+    [m].
 
     Returns:
         The motion's number and the least distance on it [m]; k where none is better.

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from odm.search._paths import leg_length, unwrap
 from roadmap._rows import copy_row
 from roadmap.jit_options import INNER, LEAN
 
@@ -111,7 +112,7 @@ def _cut(rest, u, v, robot, scratch):
     dof = q.shape[1]
     total = begin = 0.0
     for k in range(at, last):
-        length = _length(q, k, robot)
+        length = leg_length(q[k], q[k + 1], robot[4])
         if k == at:
             begin = first * length
         total += length
@@ -121,7 +122,7 @@ def _cut(rest, u, v, robot, scratch):
     i = j = -1
     end = 0.0
     for k in range(at, last):
-        length = _length(q, k, robot)
+        length = leg_length(q[k], q[k + 1], robot[4])
         end += length
         if i < 0 and end > a:
             i = k
@@ -170,26 +171,6 @@ def _pull(rest, u, v, scratch):
     return True
 
 
-@njit(**INNER)
-def _length(q, k, robot):
-    """Return the weighted length of leg k."""
-    total = 0.0
-    for m in range(q.shape[1]):
-        d = robot[4, m] * (q[k + 1, m] - q[k, m])
-        total += d * d
-    return math.sqrt(total)
-
-
-@njit(**INNER)
-def _unwrap(corners, n, continuous):
-    """Let continuous joints take the shorter rotation from corner to corner."""
-    for k in range(1, n):
-        for m in range(continuous.shape[0]):
-            if continuous[m]:
-                d = corners[k, m] - corners[k - 1, m]
-                corners[k, m] -= 2.0 * math.pi * round(d / (2.0 * math.pi))
-
-
 @njit(**LEAN)
 def next_change(rest, terms, scratch, drawn, most, worth):
     """Look for a change that saves the share `worth` of the rest of a path.
@@ -210,7 +191,7 @@ def next_change(rest, terms, scratch, drawn, most, worth):
             found = _pull(rest, u, v, scratch)
         if not found:
             continue
-        _unwrap(corners, ints[N_CORNERS], continuous)
+        unwrap(corners, ints[N_CORNERS], continuous)
         n = 0
         for k in range(at, ints[I] + 1):
             copy_row(q[k], new[n])

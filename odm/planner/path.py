@@ -157,7 +157,7 @@ class PathInUse(Remembering):
         q_before, first_new = self.q[:before].copy(), old.index(-1)
         self._count[0] = n
         self.vertex[:n], self.q[:n], self.item[: n - 1] = vertex, q, item
-        kernels.unwrap(self._path, self.frame.robot.continuous)
+        kernels.unwrap(self.q, n, self.frame.robot.continuous)
         kernels.certify_whole(self._path, 0, self._certificates)
         for k, was in enumerate(old):
             if was < 0:
@@ -168,10 +168,8 @@ class PathInUse(Remembering):
             there = q_before[was + 1] if ahead else q_before[was]
             turns = 2.0 * np.pi * np.round((here - there) / (2.0 * np.pi))
             turns *= self.frame.robot.continuous
-            self._certificates.begin[k], self._certificates.end[k] = (
-                begin[was] + turns,
-                end[was] + turns,
-            )
+            self._certificates.begin[k] = begin[was] + turns
+            self._certificates.end[k] = end[was] + turns
 
     def lead(
         self, goal: int, vertex: np.ndarray, q: np.ndarray, item: list[int]
@@ -181,7 +179,7 @@ class PathInUse(Remembering):
         n = self._count[0] = len(vertex)
         self._count[1] = goal
         self.vertex[:n], self.q[:n], self.item[: n - 1] = vertex, q, item
-        kernels.unwrap(self._path, self.frame.robot.continuous)
+        kernels.unwrap(self.q, n, self.frame.robot.continuous)
         kernels.certify_whole(self._path, 0, self._certificates)
         self._numbers.segment[0] = self._numbers.same[0] = 0
 

@@ -29,12 +29,7 @@ from odm.answer import (
 from odm.approach.approach import Approacher
 from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
-from odm.checks import (
-    check_configuration,
-    check_numbers,
-    check_points,
-    goals_of,
-)
+from odm.checks import check_configuration, check_numbers, check_points, goals_of
 from odm.close_test.static import StaticTest
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Cover, Frame
@@ -305,7 +300,8 @@ class ReactivePlanner:
             report = self._goals_at(goals, costs, poses, tolerance, most)
             goals, costs = np.array(report.goals), None
             at_once = self.attacher.settings.pose_at_once
-        if np.array_equal(goals, self.goals) and _equal(costs, self.costs):
+        same = np.array_equal(costs, self.costs)  # or both are None
+        if same and np.array_equal(goals, self.goals):
             return report
         self._tight.forget(goals_stay=False)
         self.attacher.set_goals(goals, costs, at_once)
@@ -1094,9 +1090,3 @@ def _told_apart(cell_map: CellMap) -> bytes:
     arrays = roadmap.nodes, roadmap.edges, cell_map.arm_cells.start
     words = cell_map.robot.fingerprint(), repr(cell_map.recipe)
     return b"".join([*(w.encode() for w in words), *(a.tobytes() for a in arrays)])
-
-
-def _equal(a: np.ndarray | None, b: np.ndarray | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return np.array_equal(a, b)

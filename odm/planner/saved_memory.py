@@ -22,13 +22,8 @@ _SETTING, _DIGEST = "setting.", "digest"
 # order
 _VERSION = {"version": b"5"}
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
-_VERDICTS = (
-    "search",
-    "goals",
-    "start_connections",
-    "recent",
-    "slacks",
-)  # their verdicts of a frame are void
+# groups whose verdicts of a frame are void
+_VERDICTS = "search", "goals", "start_connections", "recent", "slacks"
 
 
 class StateArrays:

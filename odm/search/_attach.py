@@ -192,17 +192,10 @@ def free_again(state, q, vertex, v):
 def free_first(state, q, waiting, vertex, looks, ordered, found):
     """Order nodes that wait to be joined: what q can go to in this frame comes first.
 
-    Only nodes that may lead on are looked at, by the close test of the motion to them.
-    Those that are blocked come last; among themselves all stay in order.
-
-    Args:
-        state: The table.
-        q: (dof,) the start's or a goal's configuration [rad or m].
-        waiting: (k,) the nodes.
-        vertex: Number of the start or of the goal.
-        looks: Nodes that are looked at, at most.
-        ordered: (k,) where the nodes are written to.
-        found: (k,) scratch.
+    Only nodes that may lead on are looked at, `looks` of them at most, by the close
+    test of the motion to them. Those that are blocked come last; among themselves all
+    stay in order. q is that of `vertex`, the start or a goal; `waiting` (k,) are the
+    nodes, `ordered` (k,) gets them, `found` (k,) is scratch.
 
     Returns:
         How many are free, and LOOKED_AT bits higher how many were looked at.

@@ -449,5 +449,5 @@ def write_shortest(state, starts, start_vertex, g):
         copy_row(goals.q[g], path.q[last])
     path.vertex[last] = goals.vertex[g]
     path.count[0], path.count[1] = last + 1, g
-    unwrap(path, robot.continuous)
+    unwrap(path.q, path.count[0], robot.continuous)
     take_shortcuts(state)

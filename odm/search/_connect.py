@@ -29,9 +29,8 @@ DEAD = -1000
 STRIDE = 1.4  # [rad or m, weighted] longest motion between two branches
 NEARBY = 4  # every so many-th sample is drawn near a branch,
 SPREAD = 0.7  # [rad or m] this far from it, twice or four times as far
-TURN = (
-    2.5  # [rad] most that a continuous joint turns in a motion: the short way is sure
-)
+# [rad] most that a continuous joint turns in a motion: the short way is sure
+TURN = 2.5
 STATIC_COST = 8  # evaluations that a test against what stands still counts for
 LOOK_COST = 256  # branches looked at for one evaluation
 MOST_FAILED = 60  # draws in a row without a cut, after which shortening ends
@@ -397,11 +396,11 @@ def lay_out(trees, i, j, a, b):
 
 @njit(**LEAN)
 def shorten(problem, budget):
-    """Cut corners of the route between drawn points; return how many cuts were made."""
+    """Cut corners of the route between drawn points."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
     begin_work(problem)
     a, b = trees.ends[0], trees.ends[1]
-    made, failed, k = 0, 0, 0
+    failed, k = 0, 0
     measure(trees, robot)
     while work_done(problem) < budget and trees.corners[0] > 2 and failed < MOST_FAILED:
         k += 1
@@ -426,8 +425,7 @@ def shorten(problem, budget):
         lay_out(trees, i, j, a, b)
         merge(problem)
         measure(trees, robot)
-        made, failed = made + 1, 0
-    return made
+        failed = 0
 
 
 @njit(**INNER)

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from odm.obstacles._surfaces import tube_frame
-from odm.search._recent import PERIODS, this_period, turn_ring
+from odm.search._recent import stamp, this_period
 from odm.search._state import view
 from roadmap.jit_options import INNER, LEAN
 
@@ -21,14 +21,9 @@ _EDGE = 1.4  # times the size of a cell: a square of points covers within its di
 def expect(state, points, rods, T, frame):
     """Be wary of the cells of points and capsules from now on, as of occupied ones.
 
-    What is outside the grid, or not finite, is left out.
-
-    Args:
-        state: The compiled state.
-        points: (n, 3) base frame [m].
-        rods: (k, 7) capsules: ends a and b and radius, in another frame [m].
-        T: (4, 4) pose of that frame in the base frame.
-        frame: (3, 3) work space.
+    Points (n, 3) are in the base frame, capsules `rods` (k, 7) in one whose pose there
+    is T (4, 4) [m]. What is outside the grid, or not finite, is left out. `frame`
+    (3, 3) is work space.
     """
     for i in range(points.shape[0]):
         be_wary(state, points[i, 0], points[i, 1], points[i, 2])
@@ -85,12 +80,5 @@ def be_wary(state, px, py, pz):
     b = ((ix >> 2) * shape[1] + (iy >> 2)) * shape[2] + (iz >> 2)
     bit = ((ix & 3) << 4) | ((iy & 3) << 2) | (iz & 3)
     now = recent.clock[0]
-    period = this_period(state, now)
-    if recent.when[b] == -math.inf:
-        last = recent.listed.shape[0] - 1
-        recent.listed[recent.listed[last]] = b
-        recent.listed[last] += 1
-    turn_ring(recent, b, period)
-    recent.when[b] = now
-    row = (PERIODS + 1) * b + period % (PERIODS + 1)
-    recent.cells[row] |= np.uint64(1) << np.uint64(bit)
+    word = np.uint64(1) << np.uint64(bit)
+    stamp(recent, b, word, now, this_period(state, now))

@@ -120,15 +120,11 @@ def begin_step(state, given, points):
 def begin_shapes(state, given, data, counts, room):
     """Begin a step with points and shapes; return how many points there are in all.
 
-    The points (n, 3) are copied to `room` in the base frame, and the samples of the
-    shapes follow them.
+    The points are copied to `room` in the base frame, and the samples of the shapes
+    follow them.
 
-    Args:
-        state: The table.
-        given: (n, 3) points in the world that count in the close test.
-        data: Rows of the shapes; see `take_solids`.
-        counts: (5,) how many there are of each kind.
-        room: (m, 3) where all points go.
+    `given` (n, 3) are points in the world that count in the close test, `data` and
+    `counts` the shapes (see `take_solids`), `room` (m, 3) is where all points go.
 
     Returns:
         Points in all, and ODD where some are not finite or most lie outside the grid;
@@ -295,4 +291,4 @@ def go_straight(state, start_vertex, g):
     path.ref[0] = goals.direct_ref[g]
     copy_row(robot.q, path.q[0])
     copy_row(goals.q[g], path.q[1])
-    unwrap(path, robot.continuous)
+    unwrap(path.q, path.count[0], robot.continuous)

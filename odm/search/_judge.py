@@ -4,13 +4,7 @@ import numpy as np
 from numba import njit
 
 from odm.cell_map._packed import ON, word_of
-from odm.close_test._close import (
-    FIRST_SOLID,
-    displacement,
-    place_clear,
-    place_of,
-    set_point,
-)
+from odm.close_test._close import FIRST_SOLID, displacement, place_clear, set_point
 from odm.close_test._sorted_clouds import pick_near
 from odm.obstacles._cloud import LAYOUT, N_LISTED, N_LOOKED, N_OCCUPIED, SORTED
 from odm.obstacles._occupancy import clear, pick_points, sort_points
@@ -27,9 +21,9 @@ from odm.search._items import (
 )
 from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
-from roadmap._rows import copy_row
+from roadmap._rows import copy_row, same_row
 from roadmap.jit_options import INNER, LEAN
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, place_of
 
 FEW = 4  # motions of a frame whose points are looked up; to sort all takes as long
 
@@ -85,12 +79,7 @@ def kept_row(state, q):
     """Return the row of `BlockedPlaces` that has this very configuration, or -1."""
     kept = view(state, "blocked_places").q
     for k in range(kept.shape[0]):
-        same = True
-        for j in range(q.shape[0]):
-            if kept[k, j] != q[j]:
-                same = False
-                break
-        if same:
+        if same_row(kept[k], q):
             return k
     return -1
 
@@ -185,18 +174,20 @@ def pick_ref(state, ref, q, dq):
 
 
 @njit(**INNER)
-def where_blocked(state, near, q, dq, blocked_at):
+def where_blocked(state, ref, q, q_to, blocked_at):
     """Return the share of a motion at which the close test finds it blocked, or -1.
 
-    It is most likely blocked where it was the last time, at the share `blocked_at`
-    (-1: it was not), so that this place is tested first.
+    It is that of item `ref`, from q to q_to. It is most likely blocked where it was the
+    last time, at the share `blocked_at` (-1: it was not), which is tested first.
     """
     robot = view(state, "robot_state")
+    displacement(q, q_to, robot.continuous, robot.dq)
+    near = pick_ref(state, ref, q, robot.dq)
     if blocked_at >= 0.0:
-        set_point(q, dq, blocked_at, robot.scratch_q)
+        set_point(q, robot.dq, blocked_at, robot.scratch_q)
         if not place_free(state, near, robot.scratch_q):
             return blocked_at
-    if near_free_again(state, near, q, dq):
+    if near_free_again(state, near, q, robot.dq):
         return -1.0
     return view(state, "work").value[0]
 
@@ -224,10 +215,8 @@ def rest_free(state, path, segment, q):
     From off the segment the motion to its end is no part of what was certified: no
     cells are known of it, so the close test takes all points.
     """
-    robot, is_off_path = (
-        view(state, "robot_state"),
-        view(state, "numbers").off_path[0] == 1,
-    )
+    robot = view(state, "robot_state")
+    is_off_path = view(state, "numbers").off_path[0] == 1
     for k in range(segment, path.count[0] - 1):
         off_path = k == segment and is_off_path
         ref = NO_ITEM if off_path else path.ref[k]
@@ -300,10 +289,8 @@ def can_leave(state, starts):
 @njit(**INNER)
 def start_clear(state, starts, k):
     """Run the close test of start motion k; its verdict is remembered."""
-    robot, nodes = view(state, "robot_state"), view(state, "graph").nodes
-    displacement(robot.q, nodes[starts.node[k]], robot.continuous, robot.dq)
-    near = pick_ref(state, starts.ref[k], robot.q, robot.dq)
-    blocked_at = where_blocked(state, near, robot.q, robot.dq, starts.blocked_at[k])
+    q, q_to = view(state, "robot_state").q, view(state, "graph").nodes[starts.node[k]]
+    blocked_at = where_blocked(state, starts.ref[k], q, q_to, starts.blocked_at[k])
     starts.blocked_at[k] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
     starts.memo[k] = 4 * view(state, "numbers").frame[0] + verdict
@@ -354,11 +341,9 @@ def can_enter(state, g):
 @njit(**INNER)
 def goal_motion_clear(state, g, a):
     """Run the close test of attachment a of goal g; its verdict is remembered."""
-    goals, robot = view(state, "goals"), view(state, "robot_state")
-    q = view(state, "graph").nodes[goals.node[g, a]]
-    displacement(q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, goals.ref[g, a], q, robot.dq)
-    blocked_at = where_blocked(state, near, q, robot.dq, goals.blocked_at[g, a])
+    goals = view(state, "goals")
+    ref, q = goals.ref[g, a], view(state, "graph").nodes[goals.node[g, a]]
+    blocked_at = where_blocked(state, ref, q, goals.q[g], goals.blocked_at[g, a])
     goals.blocked_at[g, a] = blocked_at
     verdict = FREE if blocked_at < 0.0 else REFUSED
     goals.memo[g, a] = 4 * view(state, "numbers").frame[0] + verdict
@@ -440,7 +425,7 @@ def ends_free(state):
 @njit(**INNER)
 def judge_direct(state, g):
     """Test the straight motion to goal g: its cells, then the close test."""
-    goals, robot = view(state, "goals"), view(state, "robot_state")
+    goals, q = view(state, "goals"), view(state, "robot_state").q
     frame, ref = view(state, "numbers").frame[0], goals.direct_ref[g]
     goals.direct_memo[g] = 4 * frame + BLOCKED
     if ref == NO_MOTION:
@@ -448,11 +433,7 @@ def judge_direct(state, g):
     if ref >= 0 and pool_free(state, ref):
         goals.direct_memo[g] = 4 * frame + FREE
         return True
-    displacement(robot.q, goals.q[g], robot.continuous, robot.dq)
-    near = pick_ref(state, ref, robot.q, robot.dq)
-    blocked_at = where_blocked(
-        state, near, robot.q, robot.dq, goals.direct_blocked_at[g]
-    )
+    blocked_at = where_blocked(state, ref, q, goals.q[g], goals.direct_blocked_at[g])
     goals.direct_blocked_at[g] = blocked_at
     if blocked_at >= 0.0:
         return False

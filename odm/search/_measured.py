@@ -13,7 +13,7 @@ forgets all (`Frame.set_sampling`, `Frame.hand_changed`).
 from numba import njit
 
 from odm.close_test._arm import Clearance
-from odm.close_test._close import motion_clear, place_of, prepare_motion, set_point
+from odm.close_test._close import motion_clear, prepare_motion, set_point
 from odm.close_test._slack import (
     BEND,
     LEAST,
@@ -28,7 +28,7 @@ from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._state import PIECES, view
 from roadmap.jit_options import INNER
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, place_of
 
 SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part of it
 # [m] what is left of a slack at least: the ordinary test would free the motion, too

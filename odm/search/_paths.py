@@ -97,14 +97,13 @@ def copy_certificates(source, target, n):
 
 
 @njit(**LEAN)
-def unwrap(path, continuous):
-    """Let continuous joints take the shorter rotation from vertex to vertex."""
-    for k in range(1, path.count[0]):
+def unwrap(q, n, continuous):
+    """Let continuous joints take the shorter rotation between corners of q[:n]."""
+    for k in range(1, n):
         for j in range(continuous.shape[0]):
             if continuous[j]:
-                d = path.q[k, j] - path.q[k - 1, j]
-                turns = round(d / (2.0 * math.pi))
-                path.q[k, j] -= 2.0 * math.pi * turns
+                d = q[k, j] - q[k - 1, j]
+                q[k, j] -= 2.0 * math.pi * round(d / (2.0 * math.pi))
 
 
 @njit(**INNER)
@@ -151,8 +150,18 @@ def write_path(state, starts, entry, start_vertex):
     if count > 1 and path.ref[count - 2] == IS_GOAL:
         path.count[0] = count - 1
         path.vertex[count - 2] = goals.vertex[g]
-    unwrap(path, robot.continuous)
+    unwrap(path.q, path.count[0], robot.continuous)
     return True
+
+
+@njit(**INNER)
+def leg_length(a, b, weights):
+    """Return the weighted length of the straight leg between two configurations."""
+    total = 0.0
+    for j in range(weights.shape[0]):
+        d = weights[j] * (b[j] - a[j])
+        total += d * d
+    return math.sqrt(total)
 
 
 @njit(**INNER)
@@ -160,11 +169,7 @@ def path_length(path, weights):
     """Return the weighted length of a path."""
     total = 0.0
     for k in range(1, path.count[0]):
-        part = 0.0
-        for j in range(weights.shape[0]):
-            d = weights[j] * (path.q[k, j] - path.q[k - 1, j])
-            part += d * d
-        total += math.sqrt(part)
+        total += leg_length(path.q[k - 1], path.q[k], weights)
     return total
 
 
@@ -210,11 +215,7 @@ def take_shortcuts(state):
     for k in range(1, n):
         best[k] = math.inf
         for i in range(k - 1, -1, -1):
-            length = 0.0
-            for j in range(weights.shape[0]):
-                d = weights[j] * (path.q[k, j] - path.q[i, j])
-                length += d * d
-            length = best[i] + math.sqrt(length)
+            length = best[i] + leg_length(path.q[i], path.q[k], weights)
             if length >= best[k] - 1e-9:
                 continue
             item = path.ref[k - 1]
@@ -240,4 +241,4 @@ def take_shortcuts(state):
         path.ref[i - 1] = ref[k]
         copy_row(path.q[k], path.q[i])
     path.count[0] = count
-    unwrap(path, robot.continuous)
+    unwrap(path.q, path.count[0], robot.continuous)

@@ -67,6 +67,18 @@ def turn_ring(recent, b, period):
 
 
 @njit(**INNER)
+def stamp(recent, b, word, now, period):
+    """Remember that cells of a block are occupied now."""
+    if recent.when[b] == -math.inf:
+        last = recent.listed.shape[0] - 1
+        recent.listed[recent.listed[last]] = b
+        recent.listed[last] += 1
+    turn_ring(recent, b, period)
+    recent.when[b] = now
+    recent.cells[(PERIODS + 1) * b + period % (PERIODS + 1)] |= word
+
+
+@njit(**INNER)
 def remember(state, now):
     """Stamp the blocks of the frame; `now` NaN: a frame of 10 ms after the last."""
     recent, cloud = view(state, "recent"), view(state, "cloud")
@@ -76,15 +88,9 @@ def remember(state, now):
         forget_recent(recent)
     recent.clock[0] = now
     period = this_period(state, now)
-    last = recent.listed.shape[0] - 1
     for k in range(cloud.counts[N_OCCUPIED]):
         b = cloud.occupied[k]
-        if recent.when[b] == -math.inf:
-            recent.listed[recent.listed[last]] = b
-            recent.listed[last] += 1
-        turn_ring(recent, b, period)
-        recent.when[b] = now
-        recent.cells[(PERIODS + 1) * b + period % (PERIODS + 1)] |= cloud.words[b]
+        stamp(recent, b, cloud.words[b], now, period)
 
 
 @njit(**INNER)

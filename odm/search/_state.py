@@ -246,7 +246,7 @@ class Proof(NamedTuple):
     """
 
     item: np.ndarray = array("i4", "proof", GOAL)
-    # 1: a motion from the start, or into the goal, that was blocked
+    # BY_CELLS or BY_CLOSE_TEST: a motion from the start, or into the goal, was blocked
     start_out: np.ndarray = array("u1", "joins", GOAL)
     goal_out: np.ndarray = array("u1", "joins", GOAL)
     # nodes of the path from the start's side, and the edge to the next one

@@ -40,7 +40,7 @@ from odm.search._state import (
     show,
     view,
 )
-from roadmap._rows import copy_row
+from roadmap._rows import copy_row, same_row
 from roadmap.jit_options import BRIEF, INNER, LEAN
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
@@ -74,14 +74,11 @@ def connect_along_path(state, path, segment, q, path_ends):
     """Connect q to the two ends of the segment that it is on.
 
     On the segment those motions are parts of the one that was certified. Off it they
-    are new: no cells are known of them, and the group OffPath says whether they are
+    are new: no cells are known of them, and the group `off_path` says whether they are
     free of what stands still.
     """
-    graph, goals, free = (
-        view(state, "graph"),
-        view(state, "goals"),
-        view(state, "off_path").free,
-    )
+    graph, goals = view(state, "graph"), view(state, "goals")
+    free = view(state, "off_path").free
     n = graph.adj_ptr.shape[0] - 1
     count = 0
     off_path = view(state, "numbers").off_path[0] == 1
@@ -125,8 +122,7 @@ def same_rest(path, where, new):
 def take_configuration(state, q):
     """Keep q; return the code of what is wrong with it, or FOLLOWING."""
     robot = view(state, "robot_state")
-    for j in range(q.shape[0]):
-        robot.q[j] = q[j]
+    copy_row(q, robot.q)
     for j in range(q.shape[0]):
         if not math.isfinite(q[j]):
             return NOT_FINITE
@@ -150,20 +146,17 @@ def rest_length(state, path, where, q):
 def note_move(state, q):
     """Note that a frame asks from q: whether the robot moved since the one before."""
     robot, numbers = view(state, "robot_state"), view(state, "numbers")
-    stood = True
-    for j in range(q.shape[0]):
-        robot.before[j] = robot.q[j]
-        stood = stood and robot.q[j] == q[j]
-    numbers.stood[0] = numbers.stood[0] + 1 if stood else 0
+    copy_row(robot.q, robot.before)
+    numbers.stood[0] = numbers.stood[0] + 1 if same_row(robot.q, q) else 0
 
 
 @njit(**INNER)
 def judge(state, q):
-    """Judge the path in use: FOLLOWING, a trouble's code, or LOOK for a new path.
+    """Judge the path in use: FOLLOWING, a trouble's code, or REPLAN: it needs another.
 
-    With LOOK numbers.where is the segment that q is on, -1 for none. With BESIDE it is
-    not on that segment but beside it, and the group Beside is to be filled first: for
-    the candidate if one waits, else for the path in use.
+    With REPLAN numbers.where is the segment that q is on, -1 for none. With OFF_PATH q
+    is off that segment, and the group `off_path` is to be filled first: for the
+    candidate if one waits, else for the path in use.
     """
     robot, numbers = view(state, "robot_state"), view(state, "numbers")
     path = view(state, "path")
@@ -215,8 +208,8 @@ def drop_candidate(state):
 def take_candidate(state, q):
     """Let the candidate be the path in use where q is on it and it is free; True if so.
 
-    It has one chance. Only where q is beside its segment numbers.where it still waits:
-    the group Beside is to be filled for that first.
+    It has one chance. Only where q is off its segment numbers.where it still waits: the
+    group `off_path` is to be filled for that first.
     """
     numbers, robot = view(state, "numbers"), view(state, "robot_state")
     better = view(state, "better")
@@ -244,7 +237,7 @@ def take_candidate(state, q):
     numbers.rest[0] = 1
     numbers.same[0] = numbers.better[0] = 0
     if kind != EDITED:
-        numbers.present_only[0] = 1 if kind == PRESENT_ONLY_PATH else 0
+        numbers.present_only[0] = kind == PRESENT_ONLY_PATH
     return True
 
 
@@ -262,24 +255,17 @@ def better_goal_stands_clear(state):
 
 @njit(**INNER)
 def is_off_path_known(off_path, path, segment, q):
-    """Return True if the group OffPath was filled for this very q and segment."""
-    for j in range(q.shape[0]):
-        if off_path.q[0, j] != q[j]:
-            return False
-        if off_path.q[1, j] != path.q[segment + 1, j]:
-            return False
-        if off_path.q[2, j] != path.q[segment, j]:
-            return False
-    return True
+    """Return True if `off_path` was filled for this very q and segment."""
+    known, end, begin = off_path.q, path.q[segment + 1], path.q[segment]
+    if not (same_row(known[0], q) and same_row(known[1], end)):
+        return False
+    return same_row(known[2], begin)
 
 
 @njit(**INNER)
 def is_attached(robot):
     """Return True if q is the configuration that was connected last."""
-    for j in range(robot.q.shape[0]):
-        if robot.q[j] != robot.q_attached[j]:
-            return False
-    return True
+    return same_row(robot.q, robot.q_attached)
 
 
 @njit(**INNER)
@@ -316,7 +302,7 @@ def keeps_history(state):
 
 @njit(**INNER)
 def replan(state):
-    """Take a new path after `judge` said LOOK: PLANNED or NO_PATH.
+    """Take a new path after `judge` said REPLAN: PLANNED or NO_PATH.
 
     Where the last path that was free only now was blocked, the next one must be there
     for `persistence_frames` frames in a row: what opens and closes as a hand trembles
@@ -354,8 +340,8 @@ def better_found(state, q):
 
     To a goal of better rank; or to the same, shorter by `hysteresis` and clear of where
     the obstacles have lately been. `confirmations` in a row must find one. A goal
-    beside a hand is
-    near where that has lately been, always: a path to it may be free only now.
+    beside a hand is near where that has lately been, always: a path to it may be free
+    only now.
     """
     numbers, robot = view(state, "numbers"), view(state, "robot_state")
     goals = view(state, "goals")
@@ -386,11 +372,8 @@ def least_possible(state):
     Where goals compete by their costs, a path to another one counts by what its goal
     costs less than the goal of the path in use.
     """
-    path, goals, q = (
-        view(state, "path"),
-        view(state, "goals"),
-        view(state, "robot_state").q,
-    )
+    path, goals = view(state, "path"), view(state, "goals")
+    q = view(state, "robot_state").q
     least = weighted(q, path.q[path.count[0] - 1], state)
     if view(state, "numbers").joint_costs[0] == 1:
         own = goals.cost[path.count[1]]
@@ -433,10 +416,9 @@ def offer_better(state):
         ends = view(state, "certificates")
         towards = found_path.vertex[1] == path.vertex[where + 1]
         other = where if towards else where + 1
-        for j in range(robot.q.shape[0]):
-            better.q[0, j] = path.q[other, j]
-            certificates.begin[0, j] = ends.begin[where, j]
-            certificates.end[0, j] = ends.end[where, j]
+        copy_row(path.q[other], better.q[0])
+        copy_row(ends.begin[where], certificates.begin[0])
+        copy_row(ends.end[where], certificates.end[0])
         better.vertex[0] = path.vertex[other]
         first = 1
     certify_whole(better, first, certificates)
@@ -466,17 +448,14 @@ def begin_candidate(state):
     if numbers.candidate[0] != 0:
         return
     copy_path(path, better)
-    copy_certificates(
-        view(state, "certificates"),
-        view(state, "candidate_certificates"),
-        path.count[0] - 1,
-    )
+    own, others = view(state, "certificates"), view(state, "candidate_certificates")
+    copy_certificates(own, others, path.count[0] - 1)
     numbers.start[0] = numbers.segment[0]
 
 
 @njit(**INNER)
 def adopt(state):
-    """Take the way that a search found; numbers.same tells that it is the old."""
+    """Take the way that a search found; numbers.same tells that it is the old one."""
     robot, numbers = view(state, "robot_state"), view(state, "numbers")
     path, found_path = view(state, "path"), view(state, "found_path")
     numbers.better[0] = 0
@@ -489,9 +468,8 @@ def adopt(state):
     if where >= 0 and numbers.off_path[0] == 0 and not is_attached(robot):
         # its first segment is a part of the certified motion that q is on
         first = 1
-        for j in range(robot.q.shape[0]):
-            certificates.begin[0, j] = certificates.begin[where, j]
-            certificates.end[0, j] = certificates.end[where, j]
+        copy_row(certificates.begin[where], certificates.begin[0])
+        copy_row(certificates.end[where], certificates.end[0])
     certify_whole(path, first, certificates)
     numbers.off_path[0] = 0
 

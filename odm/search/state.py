@@ -154,7 +154,7 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
     bounds = point_motion_bounds(arm, dof)
     groups = {
         "arm": arm,
-        "work": make_work(len(arm.spheres), len(robot.tree_i), dof),
+        "work": make_work(arm, dof),
         "cloud": grid.new_cloud(point_capacity),
         "picked": grid.new_cloud(point_capacity),
         "graph": graph,

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.jit_options import INNER
+from roadmap.kinematics._forward import place_of, turned_back
 
 
 class Shell(NamedTuple):
@@ -68,28 +69,20 @@ def separation(points, a, b, v, need, s):
 @njit(**INNER)
 def _support(points, shell, dx, dy, dz, out):
     """Write the shell's world point that is farthest along (dx, dy, dz) to out."""
-    f = shell.frame
-    x = f[0] * dx + f[3] * dy + f[6] * dz
-    y = f[1] * dx + f[4] * dy + f[7] * dz
-    z = f[2] * dx + f[5] * dy + f[8] * dz
+    x, y, z = turned_back(shell.frame, dx, dy, dz)
     best, which = -1e300, shell.begin
     for i in range(shell.begin, shell.end):
         d = points[i, 0] * x + points[i, 1] * y + points[i, 2] * z
         if d > best:
             best, which = d, i
-    x, y, z = points[which, 0], points[which, 1], points[which, 2]
-    out[0] = f[0] * x + f[1] * y + f[2] * z + f[9]
-    out[1] = f[3] * x + f[4] * y + f[5] * z + f[10]
-    out[2] = f[6] * x + f[7] * y + f[8] * z + f[11]
+    out[0], out[1], out[2] = place_of(shell.frame, points[which])
 
 
 @njit(**INNER)
 def along(points, shell, dx, dy, dz):
     """Return how far a shell reaches along the world direction (dx, dy, dz)."""
     f = shell.frame
-    x = f[0] * dx + f[3] * dy + f[6] * dz
-    y = f[1] * dx + f[4] * dy + f[7] * dz
-    z = f[2] * dx + f[5] * dy + f[8] * dz
+    x, y, z = turned_back(f, dx, dy, dz)
     best = other = -1e300
     n = (shell.end - shell.begin) // 2 * 2
     for i in range(shell.begin, shell.begin + n, 2):

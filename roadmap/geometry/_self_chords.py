@@ -14,7 +14,7 @@ from numba import njit
 
 from roadmap.geometry._gjk import Shell, along, separation
 from roadmap.jit_options import INNER
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, place_of, turned, turned_back
 
 MAX_DEPTH = 7  # halvings of a motion
 _SAG_WASTED = 0.3  # [m] a sag for which no pair is far enough apart
@@ -46,10 +46,8 @@ def place_ends(model, q, dq, t, row, c):
     body_frames(model.tree_i, model.tree_f, c.at, frames)
     for i in range(model.rods.shape[0]):
         f, r, out = frames[model.shell_body[i]], model.rods[i], c.rods[row, i]
-        for k in range(3):
-            a, b, d = f[3 * k], f[3 * k + 1], f[3 * k + 2]
-            out[k] = a * r[0] + b * r[1] + d * r[2] + f[9 + k]
-            out[3 + k] = a * r[3] + b * r[4] + d * r[5] + f[9 + k]
+        out[0], out[1], out[2] = place_of(f, r)
+        out[3], out[4], out[5] = place_of(f, r[3:])
 
 
 @njit(**INNER)
@@ -77,14 +75,11 @@ def write_sags(model, dq, c):
 def rods_apart(model, p, c, first, last, axis):
     """Return how far a direction (in the carrier) parts the rods at both ends [m]."""
     a, b = model.pairs[p, 0], model.pairs[p, 1]
-    x, y, z = axis[0], axis[1], axis[2]
     least = math.inf
     for end in range(2):
         row = last if end else first
         f = c.frames[row, model.carrier[p]]
-        wx = f[0] * x + f[1] * y + f[2] * z
-        wy = f[3] * x + f[4] * y + f[5] * z
-        wz = f[6] * x + f[7] * y + f[8] * z
+        wx, wy, wz = turned(f, axis[0], axis[1], axis[2])
         ra, rb = c.rods[row, a], c.rods[row, b]
         low = min(
             wx * ra[0] + wy * ra[1] + wz * ra[2], wx * ra[3] + wy * ra[4] + wz * ra[5]
@@ -100,14 +95,10 @@ def rods_apart(model, p, c, first, last, axis):
 def shells_apart(model, p, c, first, last, axis):
     """Return how far a direction (in the carrier) parts the shells at both ends [m]."""
     row_i = model.pairs[p]
-    x, y, z = axis[0], axis[1], axis[2]
     least = math.inf
     for end in range(2):
         frames = c.frames[last if end else first]
-        f = frames[model.carrier[p]]
-        wx = f[0] * x + f[1] * y + f[2] * z
-        wy = f[3] * x + f[4] * y + f[5] * z
-        wz = f[6] * x + f[7] * y + f[8] * z
+        wx, wy, wz = turned(frames[model.carrier[p]], axis[0], axis[1], axis[2])
         a = Shell(row_i[4], row_i[5], frames[row_i[2]])
         b = Shell(row_i[6], row_i[7], frames[row_i[3]])
         low = -along(model.points, a, -wx, -wy, -wz)
@@ -145,10 +136,8 @@ def towards(rods, a, b, out):
 @njit(**INNER)
 def add_turned(f, way, scale, axis):
     """Add a world direction, seen in frame f and scaled, to `axis`."""
-    x, y, z = way[0] * scale, way[1] * scale, way[2] * scale
-    axis[0] += f[0] * x + f[3] * y + f[6] * z
-    axis[1] += f[1] * x + f[4] * y + f[7] * z
-    axis[2] += f[2] * x + f[5] * y + f[8] * z
+    x, y, z = turned_back(f, way[0] * scale, way[1] * scale, way[2] * scale)
+    axis[0], axis[1], axis[2] = axis[0] + x, axis[1] + y, axis[2] + z
 
 
 @njit(**INNER)
@@ -201,10 +190,7 @@ def chord_state(model, p, c, first, last, sag, margin, need):
     for end in range(2):
         frames = c.frames[last if end else first]
         f = frames[carrier]
-        for k in range(3):
-            way[k] = (
-                f[3 * k] * axis[0] + f[3 * k + 1] * axis[1] + f[3 * k + 2] * axis[2]
-            )
+        way[0], way[1], way[2] = turned(f, axis[0], axis[1], axis[2])
         one = Shell(row_i[4], row_i[5], frames[row_i[2]])
         other = Shell(row_i[6], row_i[7], frames[row_i[3]])
         lower, upper = separation(model.points, one, other, way, asked, s)
@@ -233,19 +219,13 @@ def begin_chords(model, q, dq, c):
 
 @njit(**INNER)
 def apart_along(model, q, dq, margin, need, c, left):
-    """Find the pairs that are not proved `need` apart along q + t dq, t in [0, 1].
+    """Find the pairs that are not proved `need` apart along q + t dq, t in [0, 1] [m].
 
-    Args:
-        model: The tested pairs.
-        q: (dof,) start, finite.
-        dq: (dof,) whole displacement, finite.
-        margin: A pair that is seen nearer ends the search [m].
-        need: Distance to prove [m].
-        c: Scratch.
-        left: (n,) gets the pairs that are not proved.
+    `left` (n,) gets them; q and dq must be finite.
 
     Returns:
-        (how many are left, -1), or (0, a pair that is nearer than `margin`).
+        (how many are left, -1), or (0, a pair that is seen nearer than `margin` [m]),
+        which ends the search.
     """
     begin_chords(model, q, dq, c)
     lists, levels = c.lists, c.levels

@@ -9,7 +9,7 @@ from numba import njit
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_chords import Chords, apart_along
 from roadmap.jit_options import INNER, LEAN
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, place_of
 
 _SHORT = 0.3  # [m] displacement up to which halves are as quick as chords
 _SPARE = 1e-4  # [m] more than GJK is ever off
@@ -43,7 +43,7 @@ class SelfWork(NamedTuple):
     axes: np.ndarray  # (n, 3) separating direction of each pair
     moves: np.ndarray  # (n,) relative displacement of each pair [m]
     lists: np.ndarray  # (depth, n) pairs that are open at a level
-    stack: np.ndarray  # (depth + 1, max(4, dof)) see `motion_clear`
+    stack: np.ndarray  # (depth + 1, max(4, dof)) see `_halved`
     simplex: np.ndarray  # (16, 3) of GJK
     chords: Chords
 
@@ -58,15 +58,11 @@ def pair_clearance(model, p, frames, need, v, s):
     fa = frames[pair_i[p, 2]]
     fb = frames[pair_i[p, 3]]
     a, b = balls[pair_i[p, 0]], balls[pair_i[p, 1]]
-    square = 0.0
-    unknown = v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0
-    for k in range(3):
-        x = fa[3 * k] * a[0] + fa[3 * k + 1] * a[1] + fa[3 * k + 2] * a[2] + fa[9 + k]
-        y = fb[3 * k] * b[0] + fb[3 * k + 1] * b[1] + fb[3 * k + 2] * b[2] + fb[9 + k]
-        square += (x - y) * (x - y)
-        if unknown:
-            v[k] = x - y
-    lower = math.sqrt(square) - a[3] - b[3]
+    (ax, ay, az), (bx, by, bz) = place_of(fa, a), place_of(fb, b)
+    x, y, z = ax - bx, ay - by, az - bz
+    if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
+        v[0], v[1], v[2] = x, y, z
+    lower = math.sqrt(x * x + y * y + z * z) - a[3] - b[3]
     if lower >= need:
         return lower, 1e300
     shell_a = Shell(np.int64(pair_i[p, 4]), np.int64(pair_i[p, 5]), fa)
@@ -98,14 +94,8 @@ def motion_clear(model, q, dq, margin, tolerance, finest, scratch):
     robot whose links are close together may move them apart: the distance may grow by
     little, and only from the end on.
 
-    Args:
-        model: The tested pairs.
-        q: (dof,) start.
-        dq: (dof,) whole displacement.
-        margin: Distance to keep [m].
-        tolerance: Displacement below which an interval is given up [m], above 0,
-        finest: ... where it is near an end of the motion; at most `tolerance`.
-        scratch: May be reused, not shared between threads.
+    `tolerance` is above 0, `finest` at most that, all in metres; `scratch` may be
+    reused, not shared between threads.
 
     Returns:
         (pair, t): the pair that is not proved clear and where; (-1, 1.0) for none.

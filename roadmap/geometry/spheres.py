@@ -131,10 +131,7 @@ def robot_solids(robot: Robot) -> list[Solid]:
 
 
 def _search(solids: list[Solid], excess: float, more: int = 1) -> np.ndarray:
-    """Find a proved cover: candidate centres on a coarse grid, then refined.
-
-    Its samples are `more` times as many as usual.
-    """
+    """Find a proved cover, coarse then refined, by `more` times the usual samples."""
     share = 1 / min(len(solids), 8)
     samples = np.vstack([_samples(s, more * share) for s in solids])
     n = int(share * _CANDIDATES)

@@ -16,7 +16,6 @@ from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
 from roadmap.robot.robot import Robot
 
-MotionsFree = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Parts = Iterable[tuple[np.ndarray, np.ndarray]]
 Stream = Callable[[str, Parts], Iterator[np.ndarray]]
 _TESTED = 2048  # motions tested as one chunk; the bytes do not depend on it
@@ -97,9 +96,8 @@ class BuildReport:
 def build_roadmap(
     robot: Robot,
     settings: RoadmapSettings,
-    motions_free: MotionsFree,
+    stream: Stream,
     progress: Progress | None = None,
-    stream: Stream | None = None,
     workers: Workers | None = None,
 ) -> tuple[Roadmap, BuildReport]:
     """Sample nodes, join near ones, keep the largest component.
@@ -107,11 +105,10 @@ def build_roadmap(
     Args:
         robot: The robot.
         settings: See RoadmapSettings.
-        motions_free: Test of motions q + t dq, two (k, dof) arrays -> (k,) bool:
-            self-collision and scenery, along the whole motion. dq = 0 tests a node.
+        stream: Test of motions q + t dq: (stage, chunks of (q, dq), (k, dof) each) ->
+            a (k,) bool for each chunk, in order: self-collision and scenery, along the
+            whole motion. dq = 0 tests a node. It may look a few chunks ahead.
         progress: Called with (stage, done, total).
-        stream: The same test of many: (stage, chunks of (q, dq)) -> a (k,) bool for
-            each, in order. It may look a few chunks ahead. None: one by one.
         workers: Who looks for near nodes; threads of this process when None. The
             bytes stay the same.
 
@@ -119,7 +116,6 @@ def build_roadmap(
         BuildRefused: Next to no configuration is valid.
     """
     tell = progress or (lambda stage, done, total: None)
-    stream = stream or (lambda stage, parts: (motions_free(*part) for part in parts))
     nodes, drawn = _sample(robot, settings, stream, tell)
     weights = _weights(robot, settings)
     nodes = nodes[_spatial_order(nodes * weights)]

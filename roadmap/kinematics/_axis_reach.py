@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.jit_options import FULL, INNER
+from roadmap.kinematics._forward import place_of, turned
 
 CORNERS = 64  # of the polygon around a circle
 
@@ -113,11 +114,7 @@ def axis_reach(joints, body, circles, n_circles, directions, out):
                     circles[n_circles + i, k] += span[body, 1] * axis[k]
             n_circles *= 2
         for i in range(n_circles):
-            x, y, z = circles[i, 0], circles[i, 1], circles[i, 2]
-            a, b, c = circles[i, 3], circles[i, 4], circles[i, 5]
-            for k in range(3):
-                circles[i, k] = (
-                    f[3 * k] * x + f[3 * k + 1] * y + f[3 * k + 2] * z + f[9 + k]
-                )
-                circles[i, 3 + k] = f[3 * k] * a + f[3 * k + 1] * b + f[3 * k + 2] * c
+            at = circles[i]
+            at[0], at[1], at[2] = place_of(f, at)
+            at[3], at[4], at[5] = turned(f, at[3], at[4], at[5])
         body = tree_i[body, 0]

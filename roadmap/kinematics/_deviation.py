@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from roadmap.jit_options import FULL, INNER
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, turned
 
 # Farthest of a blend from its corner path, in d |w - u|: P of `longest_blend`.
 BLEND_DEVIATION = 3.0 / 16.0
@@ -73,9 +73,7 @@ def center_speeds(cover, q, dq, frames, twist, speed):
             twist[b, first + k] += rate * (along + f[3 * k + 2] * axis[14])
     for i in range(spheres.shape[0]):
         f, t, s = frames[body[i]], twist[body[i]], spheres[i]
-        x = f[0] * s[0] + f[1] * s[1] + f[2] * s[2]
-        y = f[3] * s[0] + f[4] * s[1] + f[5] * s[2]
-        z = f[6] * s[0] + f[7] * s[1] + f[8] * s[2]
+        x, y, z = turned(f, s[0], s[1], s[2])
         vx = t[3] + t[1] * z - t[2] * y
         vy = t[4] + t[2] * x - t[0] * z
         vz = t[5] + t[0] * y - t[1] * x

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.jit_options import INNER, LEAN
 
 
 @njit(**LEAN)
@@ -58,15 +58,38 @@ def body_frames(tree_i, tree_f, q, frames):
             out[3 * i + 2] = a * r02 + d * r12 + e * r22
 
 
+@njit(**INNER)
+def place_of(f, p):
+    """Return where a body with frame f (12,) has its point p (>= 3,), three numbers."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
+
+
+@njit(**INNER)
+def turned(f, x, y, z):
+    """Return a direction of a body with frame f (12,) in the world, three numbers."""
+    wx = f[0] * x + f[1] * y + f[2] * z
+    wy = f[3] * x + f[4] * y + f[5] * z
+    wz = f[6] * x + f[7] * y + f[8] * z
+    return wx, wy, wz
+
+
+@njit(**INNER)
+def turned_back(f, x, y, z):
+    """Return a direction of the world as a body with frame f (12,) sees it."""
+    bx = f[0] * x + f[3] * y + f[6] * z
+    by = f[1] * x + f[4] * y + f[7] * z
+    bz = f[2] * x + f[5] * y + f[8] * z
+    return bx, by, bz
+
+
 @njit(**LEAN)
 def place_points(frames, point_body, points, out):
     """Write base-frame positions of body-fixed `points` (n, >=3) to `out` (n, 3)."""
     for i in range(points.shape[0]):
-        f = frames[point_body[i]]
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        out[i, 0] = f[0] * x + f[1] * y + f[2] * z + f[9]
-        out[i, 1] = f[3] * x + f[4] * y + f[5] * z + f[10]
-        out[i, 2] = f[6] * x + f[7] * y + f[8] * z + f[11]
+        out[i, 0], out[i, 1], out[i, 2] = place_of(frames[point_body[i]], points[i])
 
 
 @njit(**LEAN)

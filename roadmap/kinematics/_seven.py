@@ -158,10 +158,7 @@ def within(arm, room, k):
 
 @njit(**BARE_INNER)
 def elbows(arm, far2):
-    """Return (n, first, second): the elbow's angles at a distance from S to W.
-
-    far2: its square [m^2].
-    """
+    """Return (n, first, second): the elbow's angles at |S W|^2 = far2 [m^2]."""
     w, e, s = arm.wrist, arm.place[3], arm.shoulder
     u = ux, uy, uz = w[0] - e[0], w[1] - e[1], w[2] - e[2]
     c = cx, cy, cz = e[0] - s[0], e[1] - s[1], e[2] - s[2]

@@ -111,7 +111,7 @@ def bodies_of(
 def _tree(description, drives, moving, limits, values) -> BodyTree:
     """Return the bodies that some joints move, with the limits of these joints."""
     tree_i, tree_f, link_body, poses = _bodies(description, drives, moving, values)
-    joint_limits, notes = _joint_limits(description, moving, limits, drives)
+    joint_limits, notes = _joint_limits(description, moving, limits)
     return BodyTree(
         joint_names=tuple(moving),
         limits=joint_limits,
@@ -321,10 +321,7 @@ def _stops(follower: Joint) -> tuple[float, float]:
 
 
 def _breaks_turn(follower: Joint, factor: float) -> bool:
-    """Return whether a follower is elsewhere when its driver has turned once around.
-
-    Or would have met a stop on the way.
-    """
+    """Return whether a follower ends elsewhere, or is stopped, by its driver's turn."""
     stops = any(abs(stop) < NO_STOP for stop in _stops(follower))
     straight = follower.kind == "prismatic" or stops
     return factor != 0.0 if straight else factor != round(factor)
@@ -365,7 +362,7 @@ def _kept_range(
     return (low, high), [note] if held else []
 
 
-def _joint_limits(description, moving, limits, drives):
+def _joint_limits(description, moving, limits):
     joints = [description.joints[name] for name in moving]
     notes, velocity, endless, bounds = [], [], [], []
     for joint in joints:
@@ -379,11 +376,8 @@ def _joint_limits(description, moving, limits, drives):
                 "the file)"
             )
         velocity.append(fastest)
-        followers = [
-            (description.joints[name], factor, offset)
-            for name, (driver, factor, offset) in drives.items()
-            if driver == joint.name
-        ]
+        driven = driven_by(description, joint.name)
+        followers = [(description.joints[n], f, o) for n, f, o in driven]
         turns = joint.kind == "continuous"
         if turns and any(_breaks_turn(f, factor) for f, factor, _ in followers):
             notes.append(f"{joint.name}: kept in (-pi, pi), a follower breaks the turn")

@@ -112,10 +112,7 @@ def _check_kinds(tables: Mapping[str, object], package_dirs: object) -> None:
 
 
 def _with_fingers(parts: Parts, excess: float, locked: Collection[str]) -> Robot:
-    """Return the robot with its fingers over their travel, as far as can be.
-
-    `locked` are the joints that the user locked.
-    """
+    """Return the robot with its fingers over their travel, but for the `locked`."""
     description, tree = parts.description, parts.tree
 
     def radii() -> Mapping[str, float]:

@@ -19,6 +19,7 @@ from odm.obstacles.surfaces import surface_of
 from roadmap.errors import BadInput
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference
+from roadmap.transforms import moved_points
 
 ARM = """
 <robot name="stick">
@@ -121,7 +122,7 @@ def test_every_case_can_be_run_again_without_the_compiled_loop(cell_map):
     assert 60 < found.free.sum() < 300
     for k in range(0, len(found.free), 3):
         case = auditor.case(pairs, found, k)
-        points = auditor.points(case)
+        points = points_of(auditor, case)
         if case.motion >= 0:
             a, b = cell_map.roadmap.edges[case.motion]
             items = (a, b, cell_map.roadmap.n_nodes + case.motion)
@@ -133,8 +134,15 @@ def test_every_case_can_be_run_again_without_the_compiled_loop(cell_map):
         if found.boundary[k] or not np.isnan(pairs.start[k]):
             assert found.free[k] == (not shares_cell(cell_map, points, items))
         if found.free[k]:
-            near = exact.distance(case.q, auditor.obstacles(case), cap=audits.CAP)
+            shapes = auditor.specimens[case.specimen].shapes
+            there = [shape.moved(case.T_base_obstacle) for shape in shapes]
+            near = exact.distance(case.q, there, cap=audits.CAP)
             assert near.distance == pytest.approx(case.distance, abs=1e-7)
+
+
+def points_of(auditor, case):
+    """Return the samples of a case's obstacle where it stood, (n, 3)."""
+    return moved_points(auditor.specimens[case.specimen].points, case.T_base_obstacle)
 
 
 def shares_cell(cell_map, points, items):
@@ -160,7 +168,7 @@ def test_boundary_pairs_lie_at_the_boundary(cell_map):
     assert len(at)
     for k in at[:20]:
         case = auditor.case(pairs, found, int(k))
-        points = auditor.points(case)
+        points = points_of(auditor, case)
         assert not shares_cell(cell_map, points, (-1 - case.motion,))
         edges = cell_map.grid.origin + cell_map.grid.h * np.arange(400)[:, None]
         gap = np.abs(points[:, :, None] - edges.T[None]).min(axis=2)

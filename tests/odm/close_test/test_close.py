@@ -29,8 +29,7 @@ def cloud_of(cell_map, points):
 
 
 def work_of(cell_map):
-    robot = cell_map.robot
-    return make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+    return make_work(cell_map.arm, cell_map.robot.dof)
 
 
 def is_clear(cell_map, points, q, dq, escape=False, work=None):

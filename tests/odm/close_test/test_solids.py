@@ -38,8 +38,7 @@ def cloud_of(cell_map, points):
 
 
 def work_of(cell_map):
-    robot = cell_map.robot
-    return make_work(len(cell_map.arm.spheres), len(robot.tree_i), robot.dof)
+    return make_work(cell_map.arm, cell_map.robot.dof)
 
 
 def around(shape, rng, n=40):

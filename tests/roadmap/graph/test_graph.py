@@ -20,6 +20,11 @@ def nothing_free(q, dq):
     return np.zeros(len(q), bool)
 
 
+def asking(motions_free):
+    """Return the test of many chunks by one of a chunk."""
+    return lambda stage, parts: (motions_free(*part) for part in parts)
+
+
 def test_halton_draws_what_maps_were_built_of():
     """Another version of scipy may scramble otherwise: maps would have other bytes."""
     robot = SimpleNamespace(dof=3, lower=np.zeros(3), upper=np.ones(3))
@@ -78,7 +83,7 @@ def test_components_are_reported_and_only_the_largest_is_kept(small_map):
         return np.sign(q[:, 0] - 0.3) == np.sign(q[:, 0] + dq[:, 0] - 0.3)
 
     settings = RoadmapSettings(nodes=120, neighbors=5, seed=2)
-    roadmap, report = build_roadmap(small_map.robot, settings, halves)
+    roadmap, report = build_roadmap(small_map.robot, settings, asking(halves))
     assert len(report.components) >= 2
     assert sum(report.components) == 120
     assert roadmap.n_nodes == report.components[0]
@@ -89,7 +94,7 @@ def test_components_are_reported_and_only_the_largest_is_kept(small_map):
 def test_a_place_with_no_valid_configuration_is_refused(small_map):
     settings = RoadmapSettings(nodes=50, neighbors=4)
     with pytest.raises(BuildRefused, match="only 0 of"):
-        build_roadmap(small_map.robot, settings, nothing_free)
+        build_roadmap(small_map.robot, settings, asking(nothing_free))
 
 
 def test_links_that_touch_in_many_poses_are_named_then(tmp_path):
@@ -112,13 +117,13 @@ def test_links_that_touch_in_many_poses_are_named_then(tmp_path):
     path.write_text(urdf + "</robot>", encoding="utf-8")
     settings = RoadmapSettings(nodes=50, neighbors=4)
     with pytest.raises(BuildRefused, match=r"base and fore touch in \d+%.*--lock"):
-        build_roadmap(load_robot(path), settings, nothing_free)
+        build_roadmap(load_robot(path), settings, asking(nothing_free))
 
 
 def test_weights_of_the_wrong_number_are_refused(small_map):
     settings = RoadmapSettings(nodes=50, neighbors=4, weights=(1.0, 2.0))
     with pytest.raises(BuildRefused, match="2 joint weights"):
-        build_roadmap(small_map.robot, settings, everything_free)
+        build_roadmap(small_map.robot, settings, asking(everything_free))
 
 
 def test_a_roadmap_that_would_have_no_edges_is_refused(small_map):
@@ -127,7 +132,7 @@ def test_a_roadmap_that_would_have_no_edges_is_refused(small_map):
 
     settings = RoadmapSettings(nodes=50, neighbors=4)
     with pytest.raises(BuildRefused, match="none of .* no edges; give more nodes"):
-        build_roadmap(small_map.robot, settings, still)
+        build_roadmap(small_map.robot, settings, asking(still))
     near = RoadmapSettings(nodes=2, neighbors=1, max_step=1e-3)
     with pytest.raises(BuildRefused, match="no two of 2 nodes lie within max_step"):
-        build_roadmap(small_map.robot, near, everything_free)
+        build_roadmap(small_map.robot, near, asking(everything_free))

@@ -50,6 +50,28 @@ def test_the_table_names_loops_that_are_there(command):
     assert len(done) == len(jobs), "some wait for each other"
 
 
+def test_every_row_of_the_table_fits_the_loop_as_it_is():
+    """Else that loop is compiled when it is called first, maybe in a frame."""
+    table = json.loads(ahead.TABLE.read_text(encoding="utf-8"))
+
+    def fits(k):
+        kind, *row = table["types"][k]
+        if kind != "tuple":
+            return True
+        module, name, members = row
+        if name and len(getattr(importlib.import_module(module), name)._fields) != len(
+            members
+        ):
+            return False
+        return all(map(fits, members))
+
+    for module, name, given, _ in table["jobs"]:
+        loop = getattr(importlib.import_module(module), name, None)
+        assert isinstance(loop, Dispatcher), name
+        assert loop.py_func.__code__.co_argcount == len(given), name
+        assert all(map(fits, given)), name
+
+
 def read_only(array):
     array.flags.writeable = False
     return array
