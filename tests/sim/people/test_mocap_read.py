@@ -239,6 +239,7 @@ def test_bvh_of_a_person_gives_the_joints_back(tmp_path):
         ("}\nMOTION", "MOTION", "skeleton of a.bvh is not complete"),
         ("\n0.000000 ", "\nzero ", "'zero', which is no number"),
         ("\n0.000000 ", "\n1.#QNAN ", "'1.#QNAN', which is no number; write nan for"),
+        ("\n0.000000 ", "\n-1.#IND ", "'-1.#IND', which is no number; write nan for"),
     ],
 )
 def test_bvh_with_a_wrong_value_is_refused(tmp_path, old, new, words):
