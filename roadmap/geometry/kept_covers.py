@@ -30,15 +30,14 @@ from roadmap.kernel_cache import Sources
 
 def kept_cover(solids: list[Solid], excess: float, closely: bool = True) -> np.ndarray:
     """Return `cover_solids(...)` (n, 4), from a file where there is one [m]."""
-    asked = np.float64(excess).tobytes() + bytes([closely])
-    name = _name("spheres", solids, asked)
+    name = _name("cover", solids, np.float64(excess).tobytes() + bytes([closely]))
     (cover,) = _kept(name, lambda: (cover_solids(solids, excess, closely),))
     return cover
 
 
 def kept_excess(spheres: np.ndarray, solids: list[Solid]) -> float:
     """Return `cover_excess(...)` of (n, 4), from a file where there is one [m]."""
-    name = _name("spheres", solids, spheres.tobytes())
+    name = _name("excess", solids, spheres.tobytes())
     (excess,) = _kept(name, lambda: (np.array(cover_excess(spheres, solids)),))
     return excess.item()
 
@@ -51,7 +50,7 @@ def kept_shells(solids: Sequence[Solid]) -> list[np.ndarray]:
         ends = np.cumsum([len(points) for points in shells], dtype=np.int64)
         return np.vstack([np.empty((0, 3)), *shells]), ends
 
-    points, ends = _kept(_name("polytope", solids), find)
+    points, ends = _kept(_name("shells", solids), find)
     return np.split(points, ends)[:-1]
 
 
@@ -82,8 +81,8 @@ def cache_folder() -> Path | None:
         return None
 
 
-def _name(module: str, solids: Sequence[Solid], asked: bytes = b"") -> str:
-    digest = hashlib.sha256(_code(module).encode() + asked)
+def _name(what: str, solids: Sequence[Solid], asked: bytes = b"") -> str:
+    digest = hashlib.sha256(f"{_code()} {what} ".encode() + asked)
     for solid in solids:
         for part in (solid.kind, *solid.size, solid.T_body_solid, solid.points):
             array = np.ascontiguousarray(part, np.float64)
@@ -92,10 +91,10 @@ def _name(module: str, solids: Sequence[Solid], asked: bytes = b"") -> str:
 
 
 @cache
-def _code(module: str) -> str:
-    """Return a hash of all that takes part in finding and proving a cover."""
-    root = Path(__file__).parents[2]
-    text = Sources(root).digest(root / "roadmap" / "geometry" / f"{module}.py")
+def _code() -> str:
+    """Return a hash of all that takes part in finding and proving covers."""
+    root = Path(__file__).parents[2]  # spheres.py imports what makes the shells
+    text = Sources(root).digest(root / "roadmap" / "geometry" / "spheres.py")
     # matrix products end in other last digits: see docs/decisions/0118
     core = os.environ.get("OPENBLAS_CORETYPE", "")
     return f"{text} numpy {np.__version__} {platform.machine()} {core}"

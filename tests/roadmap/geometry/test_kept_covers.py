@@ -48,7 +48,7 @@ def test_another_solid_excess_closeness_or_code_is_another_cover(found, monkeypa
     kept_cover([box(0.1 + 1e-15)], 0.02)
     kept_cover([box()], 0.021)
     kept_cover([box()], 0.02, closely=False)
-    monkeypatch.setattr(kept_covers, "_code", lambda module: "another way to prove")
+    monkeypatch.setattr(kept_covers, "_code", lambda: "another way to prove")
     kept_cover([box()], 0.02)
     assert len(found) == 5
 
