@@ -39,8 +39,12 @@ class Explains(Protocol):
     """What knows why the robot holds and how it could get away."""
 
     @property
-    def explained(self) -> tuple[str, Blockers]:
-        """The reason and what stands behind it."""
+    def reason(self) -> str:
+        """One sentence; empty when the robot does not hold."""
+
+    @property
+    def blockers(self) -> Blockers:
+        """What stands behind the reason; as the reason, asked for in its frame."""
 
     @property
     def retreat(self) -> np.ndarray | None:
@@ -50,7 +54,8 @@ class Explains(Protocol):
 class Explanation(NamedTuple):
     """Why the robot held and how it could get away; no planner is asked."""
 
-    explained: tuple[str, Blockers] = "", NOTHING
+    reason: str = ""
+    blockers: Blockers = NOTHING
     retreat: np.ndarray | None = None
 
 
@@ -164,12 +169,12 @@ class Answer:
     def reason(self) -> str | None:
         """One sentence when holding: what blocks what, and what would help."""
         verdict = self._verdict
-        return (verdict.why.explained[0] or None) if self.status == HOLDING else None
+        return (verdict.why.reason or None) if self.status == HOLDING else None
 
     @property
     def blockers(self) -> Blockers:
         """Edges, cells, points and link behind the reason."""
-        return self._verdict.why.explained[1] if self.status == HOLDING else NOTHING
+        return self._verdict.why.blockers if self.status == HOLDING else NOTHING
 
     @property
     def retreat(self) -> np.ndarray | None:
@@ -187,7 +192,7 @@ class Answer:
         """
         state = {name: getattr(self, name) for name in self.__slots__}
         why = self._verdict.why
-        kept = Explanation(why.explained, why.retreat)
+        kept = Explanation(why.reason, why.blockers, why.retreat)
         return None, {**state, "_verdict": self._verdict._replace(why=kept)}
 
     def __repr__(self) -> str:

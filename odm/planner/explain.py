@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,15 @@ def start_trouble(robot: Robot, q: np.ndarray, code: int) -> str | None:
         what = outside_limits(robot, q, step.LIMIT_TOLERANCE)
         return f"the start is out of limits: {what}; move the joint back by hand"
     return None
+
+
+class _Place(NamedTuple):
+    """Where the blockers of a hold are looked for, and what is known of them."""
+
+    q: np.ndarray
+    link: str | None
+    point: int  # -1: a shape
+    goal: int | None
 
 
 class Reasons:
@@ -58,14 +68,27 @@ class Reasons:
         # from where a path was looked for, and where the robot is
         self.q, self.q_robot = frame.q.copy(), frame.q_taken.copy()
 
+    @property
+    def reason(self) -> str:
+        """One sentence."""
+        return self._told[0]
+
     @cached_property
-    def explained(self) -> tuple[str, Blockers]:
-        """The reason and what stands behind it."""
+    def blockers(self) -> Blockers:
+        """What stands behind the reason."""
+        _, place = self._told
+        if place is None or self._is_over:
+            return NOTHING
+        self.frame.memory.owner.check()
+        return self._around(place)
+
+    @cached_property
+    def _told(self) -> tuple[str, _Place | None]:
         self.frame.memory.owner.check()
         if self._unable is not None:
-            return self._unable, NOTHING
+            return self._unable, None
         if self._is_over:
-            return "no free path was found (ask for the reason in the frame)", NOTHING
+            return "no free path was found (ask for the reason in the frame)", None
         return self._blocked()
 
     @cached_property
@@ -92,7 +115,7 @@ class Reasons:
             return f"the start is not free: {why}; move the robot by hand"
         return None
 
-    def _blocked(self) -> tuple[str, Blockers]:
+    def _blocked(self) -> tuple[str, _Place | None]:
         frame, goals = self.frame, self.attacher.goals
         gap, keep, link, what, point = frame.nearest(self.q)
         if gap < keep:
@@ -107,10 +130,10 @@ class Reasons:
                     "; so deep inside, it is rather of the robot's own picture: check "
                     "pose and time of the camera, and its self filter (SeenSettings)"
                 )
-            return text, self._around(self.q, link, point, None)
+            return text, _Place(self.q, link, point, None)
         refused = self._goals_refused()
         if refused is not None:
-            return refused, NOTHING
+            return refused, None
         rows = [frame.nearest(q) for q in goals]
         blocked = [g for g, row in enumerate(rows) if row.gap < row.keep]
         if len(blocked) == len(rows):
@@ -123,7 +146,7 @@ class Reasons:
             more = len(rows) - 1
             text += f" (the other {more} goals are blocked too)" if more else ""
             text += f", or give another goal{self._denser(gap, point)}"
-            return text, self._around(goals[0], link, point, 0)
+            return text, _Place(goals[0], link, point, 0)
         g = next(k for k in range(len(rows)) if k not in blocked)
         at_goal = rows[g].gap - rows[g].keep < gap - keep
         if at_goal:
@@ -151,7 +174,7 @@ class Reasons:
         searched = "" if left else self._searched()
         text += f"; {searched}" if searched else ""
         where = goals[g] if at_goal else self.q
-        return text, self._around(where, link, point, g)
+        return text, _Place(where, link, point, g)
 
     def _denser(self, gap: float, point: int) -> str:
         """Say how dense points would have to be for `gap` [m] to do; or nothing."""
@@ -178,12 +201,10 @@ class Reasons:
             text += f" (the other {len(goals) - 1} goals are not free either)"
         return text + "; take that away, or give another goal"
 
-    def _around(
-        self, q: np.ndarray, link: str | None, point: int, goal: int | None
-    ) -> Blockers:
-        """List the blocked edges at the nodes next to q, and the cells in their way."""
+    def _around(self, place: _Place) -> Blockers:
+        """List blocked edges at the nodes next to it, and the cells in their way."""
         roadmap = self.frame.cell_map.roadmap
-        near = self.attacher.nearest(q, 8)
+        near = self.attacher.nearest(place.q, 8)
         edges = [
             e
             for v in near
@@ -198,8 +219,9 @@ class Reasons:
             if len(blocked) >= _MOST_LISTED:
                 break
         table = np.array(sorted(cells)[:_MOST_LISTED], np.int64).reshape(-1, 3)
-        points = np.array([point] if point >= 0 else [], np.int64)
-        return Blockers(np.array(blocked, np.int64), table, points, link, goal)
+        points = np.array([place.point] if place.point >= 0 else [], np.int64)
+        found = np.array(blocked, np.int64)
+        return Blockers(found, table, points, place.link, place.goal)
 
     def _cells_of(self, edge: int) -> set[tuple[int, int, int]]:
         memory, roadmap = self.frame.memory, self.frame.cell_map.roadmap

@@ -5,6 +5,7 @@ from dataclasses import replace
 import naive_camera as naive
 import numpy as np
 import pytest
+from forms import some
 from nearest import to_nearest
 from seen_scenes import (
     camera_at,
@@ -48,7 +49,7 @@ def test_no_point_of_an_obstacle_is_ever_seen_free(small_map, seed):
     assert space.counts()["free"] > 1000
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", some(range(4), 0))
 @pytest.mark.parametrize("corner", [(2, 84), (64, 0), (64, 84)])
 def test_a_crop_without_the_middle_sees_what_the_whole_sees(small_map, seed, corner):
     rng = np.random.default_rng(seed)
@@ -143,7 +144,7 @@ def in_reach(cell_map, points):
     return np.linalg.norm(points - center, axis=1) <= radius - largest
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", some(range(3), 0))
 def test_the_compiled_loops_agree_with_their_slow_twin(small_map, seed):
     rng = np.random.default_rng(200 + seed)
     camera = draw_camera(rng, size=(100, 75), focal=110.0)

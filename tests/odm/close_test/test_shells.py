@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from forms import size
 from naive_hull import hull_distance
 from shapes_drawn import KINDS, least_on, near_a_link, solids_of
 from small import draw_valid, plates
@@ -40,7 +41,7 @@ def test_hulls_are_apart_where_they_are_by_their_definition(rng):
 def test_no_link_that_leaves_comes_nearer(planner, rng, kind):
     exact, shells, m = ExactRobot(planner.robot), Shells(planner.robot), 0.01
     told = []
-    for _ in range(150):
+    for _ in range(size(75, 150)):
         q, dq = draw_valid(planner, rng), rng.normal(0.0, 0.3, planner.robot.dof)
         there = near_a_link(exact, q, "sphere" if kind == "point" else kind, rng)
         if there is None:

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from forms import size
 
 import odm
 from odm.audit.exact import ExactRobot
@@ -131,12 +132,12 @@ def played_beside(small_map, rng, within):
 
 
 def test_it_leaves_who_stands_within_its_cover_but_not_at_its_links(small_map, rng):
-    left = 0
-    for _ in range(5):
+    left, plays = 0, size(3, 5)
+    for _ in range(plays):
         gaps, speeds, executor, q = played_beside(small_map, rng, (0.012, 0.02))
         assert gaps.min() > executor.settings.yield_gap - 1e-6
         left += gaps[-1] > gaps[0] + 0.01
-    assert left >= 3
+    assert left > plays / 2
 
 
 def test_who_touches_its_links_is_not_left_and_is_told_why(small_map, rng):

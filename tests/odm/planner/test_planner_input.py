@@ -7,6 +7,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
+from odm.answer import NOTHING
 from odm.planner.saved_memory import differences
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import sphere_centers
@@ -73,6 +74,20 @@ def test_a_start_in_contact_is_named_with_its_link_and_a_retreat(planner):
     assert f"from the cover of {answer.blockers.link}, closer" in answer.reason
     assert answer.blockers.link in ("upper", "lower", "hand")
     assert len(answer.blockers.points) == 1
+
+
+def test_blockers_are_looked_for_where_they_are_asked_for_in_their_frame(planner):
+    planner.set_goals([AWAY])
+    ball = ball_at([-0.5, 0.0, 0.25], 0.08)
+    asked, late = planner.step(ball, q=HOME), planner.step(ball, q=HOME)
+    assert asked.blockers is NOTHING and "ask for the reason" in asked.reason  # late
+    assert late.reason.startswith("goal 0 is blocked")
+    kept = late.blockers
+    assert len(kept.edges) and len(kept.cells) and kept.goal == 0 and kept.link
+    asked = planner.step(ball, q=HOME)
+    assert asked.reason == late.reason  # the sentence alone
+    planner.step(NOBODY, q=HOME)
+    assert late.blockers is kept and asked.blockers is NOTHING
 
 
 def test_points_deep_inside_a_link_are_told_to_be_of_the_robot_itself(

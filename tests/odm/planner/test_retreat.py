@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from forms import size
 from naive_cells import centers
 from scipy.spatial.distance import cdist
 from shapes_drawn import draw_shapes, solids_of
@@ -97,7 +98,7 @@ def draw_coming(rng, kind, hand):
 @pytest.mark.parametrize("kind", ["shapes", "points", "both"])
 def test_an_evasion_is_the_best_of_those_to_the_near_nodes(planner, rng, kind):
     found = none = 0
-    for _ in range(40):
+    for _ in range(size(26, 40)):
         q = draw_valid(planner, rng)
         hand = centers(planner.memory.arm, planner.robot, q)[-1]
         now = draw_shapes(rng, 1, middle=hand, spread=0.4)

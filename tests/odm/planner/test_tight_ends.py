@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from forms import size
 from shapes_drawn import KINDS, least_on, near_a_link
 from small import draw_valid, plates
 
@@ -38,7 +39,7 @@ def ask(planner, shape, how, q):
 def tight(planner, exact, rng, how):
     """Yield configurations, and shapes that only the cover there is too near to."""
     low = 0.0115 + (how == "cloud") * RADIUS
-    for _ in range(60):
+    for _ in range(size(30, 60)):
         q = draw_valid(planner, rng)
         there = near_a_link(exact, q, str(rng.choice(KINDS)), rng, (low, low + 0.02))
         if there is None or there[1] < low:
@@ -60,7 +61,7 @@ def test_what_the_links_call_clear_keeps_m(robot, how, rng):
     planner, exact = robot
     links, m, told = LinkTest(planner.frame), planner.cell_map.safety.m, []
     far = m + (how == "cloud") * RADIUS
-    for _ in range(200):
+    for _ in range(size(100, 200)):
         q, dq = draw_valid(planner, rng), rng.normal(0.0, 0.1, 2)
         at = q + rng.random() * dq
         kind = str(rng.choice(KINDS))
@@ -70,7 +71,7 @@ def test_what_the_links_call_clear_keeps_m(robot, how, rng):
             told.append(links.clear(q, dq))
             if told[-1]:
                 assert least_on(exact, q, dq, obstacles_of([there[0]])) >= m
-    assert sum(told) > 15 and len(told) > sum(told) + 15
+    assert sum(told) > size(7, 15) and len(told) > sum(told) + size(7, 15)
 
 
 @pytest.mark.parametrize("how", ["shape", "cloud"])
@@ -96,7 +97,7 @@ def test_the_path_leads_from_one_tight_end_to_the_other(robot, how, rng):
                     break
                 answer = tell(planner, shape, how, at)
                 assert answer.status != "holding" and (answer.path[0] == at).all()
-    assert found > 15
+    assert found > size(7, 15)
 
 
 def test_long_motions_are_not_tested_by_the_links_nor_goals_joined_in_a_frame(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from forms import size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nearest import out_of_spheres
@@ -202,7 +203,7 @@ def proof(solid, spheres, tol=1e-6):
 
 @pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])
 def test_the_proved_bound_is_true_and_tight(kind, rng):
-    for _ in range(4):
+    for _ in range(size(2, 4)):
         solid = make_solid(kind, rng)
         points = inner_points(solid, 12, rng)
         spheres = np.hstack([points, rng.uniform(0.01, 0.1, (len(points), 1))])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from corners import ROBOTS, cancelling, draw_corner, draw_tricky, legs_at
+from forms import size
 from robot_asked import motion_bounds
 from wrappers import with_wrapper
 
@@ -152,7 +153,7 @@ def longest(robot, q, u, w, room, most):
 
 def test_the_kernel_agrees_with_its_twin_and_leaves_nothing(robot, rng):
     for most in (0.002, 0.05):
-        for _ in range(40):
+        for _ in range(size(15, 40)):
             q, u, w = draw_corner(robot, rng, rng.random() < 0.5)
             room = float(rng.choice([0.01, 50.0]))
             d, stray = longest(robot, q, u, w, room, most)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from forms import some
 
 from handover import POSTURES, Human
 from sim.cli.human_command import grip_reach, human_facts
@@ -46,7 +47,7 @@ def test_the_table_names_every_segment_and_joint(odm):
         assert name in out
 
 
-@pytest.mark.parametrize("posture", POSTURES)
+@pytest.mark.parametrize("posture", some(POSTURES, 0, 2))
 def test_a_picture_of_every_posture_shows_the_person(odm, tmp_path, posture):
     from matplotlib.image import imread
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from forms import some
 
 import odm
 from odm.audit.exact import ExactRobot, capsule_obstacles
@@ -100,7 +101,7 @@ def promised(cell_map, seed, rate, speed):
 def test_a_moving_robot_keeps_from_everybody_what_its_last_test_kept(
     small_map, rate, speed
 ):
-    for seed in (0, 1):
+    for seed in some((0, 1), 0):
         promise = promised(small_map, seed, rate, speed)
         assert promise.looks > 100 and promise.nearest < CLOSE
         assert promise.least >= -1e-6

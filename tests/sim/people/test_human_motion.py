@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from forms import some
 
 import odm
 from roadmap.errors import BadInput
@@ -195,7 +196,7 @@ def test_a_trembling_hand_stays_where_it_is():
 
 
 @pytest.mark.parametrize("name", motion_names())
-@pytest.mark.parametrize("rate", [30, 100])
+@pytest.mark.parametrize("rate", some([30, 100], 0))
 def test_no_scripted_person_is_taken_for_a_wrong_unit_or_a_lost_one(
     small_map, name, rate
 ):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from forms import some
 from mocap_files import person, write_csv
 from recorded import (
     crane_recipe,
@@ -54,7 +55,9 @@ def assert_the_same_again(record, cell_map, folder):
 
 
 @pytest.mark.parametrize("execution", ["kinematic", "timed"])
-@pytest.mark.parametrize("motion", ["sweep", "reach", "hover", "intrusion", None])
+@pytest.mark.parametrize(
+    "motion", some(["sweep", "reach", "hover", "intrusion", None], 0, 3, 4)
+)
 def test_a_run_and_its_replay_are_the_same_bytes(motion, execution, cell_map, tmp_path):
     loop = new_loop(cell_map, motion, execution=execution)
     record = recorded(loop, cell_map)

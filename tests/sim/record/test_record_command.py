@@ -1,10 +1,12 @@
 """`odm run --record` and `odm replay` as a user meets them."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
 from command_line import started
+from forms import some
 from keyboard_pty import User
 from mocap_files import write_bvh
 from recorded import crane_recipe, tampered
@@ -73,8 +75,10 @@ def sentence(text):
     return line
 
 
-@pytest.mark.parametrize("motion", ["sweep", "mocap"])
-@pytest.mark.parametrize("execution", ["kinematic", "timed"])
+@pytest.mark.parametrize(
+    ("motion", "execution"),
+    some(product(("sweep", "mocap"), ("kinematic", "timed")), 1, 2),
+)
 def test_a_recorded_run_replayed_is_the_same_bytes(
     motion, execution, odm, map_dir, tmp_path
 ):
