@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from sim.people.mocap.tracks import BadMocap, Tracks, number
 
@@ -169,6 +168,8 @@ def _values(lines: list[str], width: int, count: int, source: str) -> np.ndarray
 
 def _places(joints: list[_Joint], values: np.ndarray) -> dict[str, np.ndarray]:
     """Return name -> (F, 3): every joint posed from its parent's pose."""
+    from scipy.spatial.transform import Rotation  # what plays no file need not load it
+
     n_frames = len(values)
     turns: list[np.ndarray] = []
     places: list[np.ndarray] = []
