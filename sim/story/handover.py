@@ -127,7 +127,7 @@ class Handover:
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(planner.robot, s.speed) if s.slow else None
-        self._berth = Berth(self.executor, s.threat)
+        self._berth = Berth(self.executor, s.threat, s.seen_every_s)
         self._allowance = Allowance.lasting(self.executor.period)
         index, capsules = self.targets.finder.index, hand.obj.capsules
         if not self._give or len(T_places):
