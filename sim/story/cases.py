@@ -495,7 +495,8 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
-    for target in meet.best_takeable(settings.tried):
+    scene = ClearOf.of_scene(planner, meet.settings.T_world_base)
+    for target in meet.best_takeable(settings.tried, scene):
         there = body.with_arm(setup.side, target.arm_q).capsules()
         for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)
