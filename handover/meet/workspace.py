@@ -298,8 +298,10 @@ class InteractionWorkspace:
             still.append(scene)
             there = np.array([t.T_world_object for t in kept]).reshape(-1, 4, 4)
             kept = list(compress(kept, scene.allows(there, self.obj)))
-        for constraint in still if kept else ():
-            bent = np.array([target.arm_q for target in kept]).reshape(len(kept), -1)
+        for constraint in still:
+            if not kept:
+                break
+            bent = np.array([target.arm_q for target in kept])
             arms = self.human.arm_capsules(s.side, bent)[:, :2]
             kept = list(compress(kept, constraint.allows_arms(arms)))
         return kept
