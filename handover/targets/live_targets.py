@@ -376,10 +376,18 @@ class LiveTargets:
     # --- inside ----------------------------------------------------------------
 
     def _depth(self) -> int:
-        """Return how many targets to consider: more, the longer it is blocked."""
-        ranked, choice = self.settings.ranked, self.settings.choice
+        """Return how many targets to consider: more, the longer it is blocked.
+
+        And as many more as the last ranking had that nobody can take.
+        """
+        ranked, choice, deepest = (
+            self.settings.ranked,
+            self.settings.choice,
+            self.settings.deepest,
+        )
         more = self._blocked // (choice.untried_frames * choice.goals)
-        return ranked * min(1 + more, self.settings.deepest)
+        in_the_way = min(len(self._in_the_way), ranked * deepest)
+        return ranked * min(1 + more, deepest) + in_the_way
 
     def _known(self) -> list[Target]:
         """Return the targets on offer with their quality now; those gone left out."""

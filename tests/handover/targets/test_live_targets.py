@@ -111,6 +111,26 @@ def test_no_target_is_pursued_that_an_arm_would_reach_through_a_board(
         assert pursuits[-1].quality >= through.quality - 0.03
 
 
+@pytest.mark.parametrize("rank_budget", [0, 200])
+def test_targets_that_nobody_can_take_leave_room_for_as_many_others(
+    cell_map, robot_map, index, rank_budget
+):
+    human = person(0.9)
+    free = workspace(robot_map, human).best(40)
+    arms = human.arm_capsules("right", np.array([t.arm_q for t in free[:10]]))[:, 1]
+    middles = 0.5 * (arms[:, :3] + arms[:, 3:6])
+    lower, upper = middles.min(axis=0) - 0.05, middles.max(axis=0) + 0.05
+    board = {"type": "box", "size": (upper - lower).tolist()}
+    board["position"] = (0.5 * (lower + upper)).tolist()
+    clear = (ClearOf(parse_scenery((board,))),)
+    live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
+    live.meet = live.finder.meet = workspace(robot_map, human, constraints=clear)
+    blocked = len(live.meet.best(10)) - len(live.meet.takeable(live.meet.best(10)))
+    assert blocked >= 3  # of the ten that are considered in a frame
+    run(live, start(cell_map), [human] * 200, pace=False)
+    assert live.pursuit.targets >= live.settings.ranked
+
+
 def test_it_is_there_for_the_other_hand_once_that_was_ranked(
     cell_map, robot_map, index
 ):
@@ -296,7 +316,8 @@ def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
     cell_map, robot_map, index
 ):
     human = person(0.9)
-    live = live_of(cell_map, robot_map, index, human, node_tolerance_m=0.0)
+    every = {"node_tolerance_m": 0.0, "far": 1e6}  # all starts, however far it is
+    live = live_of(cell_map, robot_map, index, human, **every)
     target = live.meet.best(1)[0]
     far = target.T_world_tool.copy()
     far[0, 3] += 5.0
