@@ -7,6 +7,7 @@ import numpy as np
 from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.ranges import is_between
+from roadmap.robot.joint_values import looks_like_degrees, slides
 from roadmap.robot.robot import Robot
 
 MAX_GOALS = 32
@@ -135,10 +136,13 @@ def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:
     worst = int(np.argmax(over))
     if not over[worst] > tolerance:
         return None
-    low, high = robot.lower[worst], robot.upper[worst]
+    low, high, value = robot.lower[worst], robot.upper[worst], float(q[worst])
+    prismatic = slides(robot, worst)
+    degrees = looks_like_degrees(value, prismatic)
     return (
-        f"{robot.joint_names[worst]} = {q[worst]:.4g} lies outside its limits "
-        f"{low:.4g} to {high:.4g}"
+        f"{robot.joint_names[worst]} = {value:.4g} lies outside its limits "
+        f"{low:.4g} to {high:.4g} by {over[worst]:.2g} {'m' if prismatic else 'rad'}"
+        f"{', which looks like degrees, not radians' if degrees else ''}"
     )
 
 

@@ -8,8 +8,8 @@ from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
 from handover.grasps.settings import HOLD
-from odm.audit._exact import winding
 from odm.audit.exact import gather
+from roadmap.geometry._winding import winding
 
 _CHUNK = 16  # triangles with one ball around them
 _LONGEST = 0.05  # [m] edge of a triangle

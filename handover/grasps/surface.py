@@ -4,7 +4,7 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject
 from handover.grasps.settings import HOLD
-from odm.audit._exact import winding
+from roadmap.geometry._winding import winding
 
 
 def surface_points(

@@ -11,6 +11,8 @@ import numpy as np
 
 from handover.meet.held_object import HeldObject
 from odm.obstacles.scenery import BOX, PLANE, Scenery
+from odm.obstacles.shapes import Box
+from odm.planner.planner import ReactivePlanner
 from roadmap.arrays import freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import meet_box, moved_rods
@@ -117,7 +119,9 @@ class ClearOf:
 
     Half-spaces and boxes count for the object, boxes for the arm that takes it: who
     stands beside a table has its half-space about their legs. What else is in the
-    robot's way the planner finds out, place by place.
+    robot's way the planner finds out, place by place. Where a planner ranks or chooses
+    (`LiveTargets`, `find_handover`), the boxes of its `scene` count, too, as they stand
+    by then.
 
     Attributes:
         scenery: Base frame, as `odm.CellMap.scenery`.
@@ -126,6 +130,17 @@ class ClearOf:
 
     scenery: Scenery
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    @classmethod
+    def of_scene(cls, planner: ReactivePlanner, T_world_base: np.ndarray) -> "ClearOf":
+        """Return the same of the boxes in a planner's `scene`, where they stand now."""
+        T = inverse_pose(planner.world.T_world_base)
+        boxes = [
+            (name, shape.moved(T))
+            for name, shape in planner.scene.shapes()
+            if isinstance(shape, Box)
+        ]
+        return cls(Scenery.of_boxes(boxes), T_world_base)
 
     def allows(self, T_world_object: np.ndarray, obj: HeldObject) -> np.ndarray:
         """Return which poses keep every capsule out of all of it."""

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover.chain import chain_of
+from handover.meet.constraints import ClearOf
 from handover.meet.settings import FindSettings
 from handover.meet.validity import Validity, validity_of
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
+from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.ranges import check_number, settings_of
 from roadmap.robot.robot import Robot
@@ -82,7 +84,10 @@ def find_handover(
     check_number("timeout [s]", timeout, 1e-9, 1e9)
     check_same_robot(meet.reach, robot)
     valid = validity_of(is_valid)
-    T_base_world = np.linalg.inv(meet.settings.T_world_base)
+    T_world_base, scene = meet.settings.T_world_base, None
+    if isinstance(is_valid, ReactivePlanner):
+        scene = ClearOf.of_scene(is_valid, T_world_base)
+    T_base_world = np.linalg.inv(T_world_base)
     end = clock() + timeout
     tried: list[tuple[Target, str]] = []
     waiting: list[Target] = []
@@ -96,7 +101,7 @@ def find_handover(
             return Handover(target, None, tuple(tried), True, why)
         T_base_tool = T_base_world @ target.T_world_tool
         q, why = None, _NO_ROOM
-        if meet.takeable([target]):
+        if meet.takeable([target], scene):
             q, why = _reaching(meet, robot, T_base_tool, valid, settings)
         if q is not None:
             return Handover(target, q, tuple(tried), False)

@@ -6,6 +6,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from numbers import Integral
 from typing import NamedTuple
 
@@ -282,27 +283,35 @@ class InteractionWorkspace:
         """Return (n,) quality of some cells now; -1 where `rated` would be None."""
         return self._rate(keys)[1]
 
-    def takeable(self, targets: Sequence[Target]) -> list[Target]:
+    def takeable(
+        self, targets: Sequence[Target], scene: ClearOf | None = None
+    ) -> list[Target]:
         """Return those at which hand and forearm are not in what stands still.
 
         Bent as `Target.arm_q` says, and as far as a constraint tells of arms
-        (`ClearOf`); others are all returned.
+        (`ClearOf`); others are all returned. With such a constraint neither they nor
+        the object may be in what a `scene` adds (`ClearOf.of_scene`).
         """
         kept, s = list(targets), self.settings
-        for constraint in s.constraints:
-            if kept and isinstance(constraint, ClearOf):
-                bent = np.array([target.arm_q for target in kept])
-                arms = self.human.arm_capsules(s.side, bent)[:, :2]
-                clear = constraint.allows_arms(arms).tolist()
-                kept = [t for t, good in zip(kept, clear, strict=True) if good]
+        still = [c for c in s.constraints if isinstance(c, ClearOf)]
+        if still and scene is not None and len(scene.scenery.solids):
+            still.append(scene)
+            there = np.array([t.T_world_object for t in kept]).reshape(-1, 4, 4)
+            kept = list(compress(kept, scene.allows(there, self.obj)))
+        for constraint in still:
+            if not kept:
+                break
+            bent = np.array([target.arm_q for target in kept])
+            arms = self.human.arm_capsules(s.side, bent)[:, :2]
+            kept = list(compress(kept, constraint.allows_arms(arms)))
         return kept
 
-    def best_takeable(self, k: int = 10) -> list[Target]:
+    def best_takeable(self, k: int = 10, scene: ClearOf | None = None) -> list[Target]:
         """Return the best k of those that are `takeable`, best first."""
         n = k
         while True:
             ranked = self.best(n)
-            kept = self.takeable(ranked)
+            kept = self.takeable(ranked, scene)
             if len(kept) >= k or len(ranked) < n or n == _MOST_RANKED:
                 return kept[:k]
             n = min(2 * n, _MOST_RANKED)

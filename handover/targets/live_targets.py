@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handover.human.human import Human
+from handover.meet.constraints import ClearOf
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
@@ -19,6 +20,7 @@ from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
 from odm.answer import Answer
 from odm.obstacles.obstacles import Obstacles
+from odm.obstacles.scenery import Scenery
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration
 from roadmap.kinematics.forward import difference, tool_pose
@@ -124,6 +126,8 @@ class LiveTargets:
         self._best = 0.0
         # of the last ranking, those at which the arm would be in what stands still
         self._in_the_way: set[int] = set()
+        self._things: dict | None = None  # the scene's, and their boxes
+        self._stands = ClearOf(Scenery())
         self._blocked = 0  # frames without a target that can be reached
 
     def step(
@@ -256,12 +260,21 @@ class LiveTargets:
         return with_arm_at_rest(human, self.meet.settings.side)
 
     def _take_ranked(self, ranked: list[Target]) -> None:
-        targets = self.meet.takeable(ranked)
+        targets = self.meet.takeable(ranked, self._scene())
         self._in_the_way = {t.key for t in ranked} - {t.key for t in targets}
         self._best = targets[0].quality if targets else 0.0
         if self.settings.near_rest:
             targets = self._least_turned_first(targets)
         self._targets = {t.key: t for t in targets}
+
+    def _scene(self) -> ClearOf:
+        """Return what the planner's scene adds to the map, made anew as it changes."""
+        things = self.planner.carrier.things
+        if things is not self._things:
+            T_world_base = self.meet.settings.T_world_base
+            self._things = things
+            self._stands = ClearOf.of_scene(self.planner, T_world_base)
+        return self._stands
 
     def _least_turned_first(self, targets: list[Target]) -> list[Target]:
         """Return targets by quality; alike, those first that turn the tool least."""
@@ -363,10 +376,18 @@ class LiveTargets:
     # --- inside ----------------------------------------------------------------
 
     def _depth(self) -> int:
-        """Return how many targets to consider: more, the longer it is blocked."""
-        ranked, choice = self.settings.ranked, self.settings.choice
+        """Return how many targets to consider: more, the longer it is blocked.
+
+        And as many more as the last ranking had that nobody can take.
+        """
+        ranked, choice, deepest = (
+            self.settings.ranked,
+            self.settings.choice,
+            self.settings.deepest,
+        )
         more = self._blocked // (choice.untried_frames * choice.goals)
-        return ranked * min(1 + more, self.settings.deepest)
+        in_the_way = min(len(self._in_the_way), ranked * deepest)
+        return ranked * min(1 + more, deepest) + in_the_way
 
     def _known(self) -> list[Target]:
         """Return the targets on offer with their quality now; those gone left out."""

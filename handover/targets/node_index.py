@@ -20,6 +20,7 @@ class NodeIndex:
     Attributes:
         nodes: (n, dof) the same configurations, read-only.
         T_base_tool: (n, 4, 4) pose of the tool at each [m].
+        apart_m: Median distance of a node's tool from the next one's [m].
     """
 
     def __init__(self, robot: Robot, nodes: np.ndarray) -> None:
@@ -38,6 +39,9 @@ class NodeIndex:
         # |R_a - R_b| is sqrt(2) angle, for small ones
         self._turn = _RADIAN_M / math.sqrt(2.0)
         self._tree = cKDTree(self._points(self.T_base_tool))
+        self._places = cKDTree(poses[:, :3, 3])
+        apart = self._places.query(poses[:, :3, 3], k=2)[0][:, 1]
+        self.apart_m = float(np.median(apart))
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -50,6 +54,13 @@ class NodeIndex:
         k = min(k, len(self))
         _, found = self._tree.query(self._points(T_base_tool[None])[0], k=k)
         return np.atleast_1d(found)
+
+    def is_remote(self, T_base_tool: np.ndarray, far: float) -> bool:
+        """Return whether no node has its tool near a pose (4, 4), however turned.
+
+        `far` is the limit, as so many times from one node's tool to the next.
+        """
+        return bool(self._places.query(T_base_tool[:3, 3])[0] > far * self.apart_m)
 
     def off(self, node: int, T_base_tool: np.ndarray) -> tuple[float, float]:
         """Return how far a node's tool is from a pose: [m] and [rad]."""

@@ -1,5 +1,6 @@
 """From targets to configurations: a roadmap node near it, or inverse kinematics."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from roadmap.kinematics.forward import difference
 from roadmap.ranges import settings_of
 
 NODE, EXACT = "node", "exact"
+_UNSOLVED = "inverse kinematics found no solution"
 
 
 def goal_trouble(static: StaticTest, q: np.ndarray) -> str | None:
@@ -80,6 +82,7 @@ class TargetGoals:
         self._exact: dict[int, list[Goal]] = {}
         self._near: dict[int, Goal | None] = {}
         self._begun: dict[int, int] = {}  # starts of the inverse kinematics so far
+        self._starts: dict[int, int] = {}  # ... and at most, where fewer have to do
         self._seeds: dict[int, np.ndarray] = {}  # nodes it starts from
 
     def near_node(self, target: Target) -> Goal | None:
@@ -97,14 +100,31 @@ class TargetGoals:
 
     def forget(self) -> None:
         """Forget what was found: the hand, the scenery or the clearance has changed."""
-        for known in (self._exact, self._near, self._begun, self._seeds, self.failed):
-            known.clear()
+        known = self._exact, self._near, self._begun, self._starts, self._seeds
+        for one in (*known, self.failed):
+            one.clear()
+
+    @property
+    def why_failed(self) -> str:
+        """How many targets the robot cannot get to, and mostly why; "": none is known.
+
+        Where a link would touch what stands still, that is told first.
+        """
+        causes = Counter(why.split(" at ")[0] for why in self.failed.values())
+        if not causes:
+            return ""
+        worst = max(causes, key=lambda why: (why != _UNSOLVED, causes[why]))
+        cause = worst.removeprefix("it is not free: ")
+        return f"the robot gets to none of {len(self.failed)} looked at ({cause})"
 
     def is_open(self, key: int) -> bool:
         """Whether `work` on a target may still find something."""
-        begun = self._begun.get(key, 0)
-        s = self.settings
-        return begun < s.starts and len(self.found(key)) < s.configurations
+        begun, few = self._begun.get(key, 0), len(self.found(key))
+        return begun < self._most(key) and few < self.settings.configurations
+
+    def _most(self, key: int) -> int:
+        """Return how many starts of the inverse kinematics a target is worth."""
+        return self._starts.get(key, self.settings.starts)
 
     def work(self, target: Target) -> Goal | None:
         """Do one start of the inverse kinematics for a target; return what is new.
@@ -118,8 +138,10 @@ class TargetGoals:
             return None
         T_base_tool = self._T_base_world @ target.T_world_tool
         begun = self._begun[key] = self._begun.get(key, 0) + 1
+        if begun == 1 and self.index.is_remote(T_base_tool, self.settings.far):
+            self._starts[key] = 1
         seed = self._seed(key, T_base_tool, begun - 1)
-        why = "inverse kinematics found no solution"
+        why = _UNSOLVED
         if seed is not None:
             found = self.planner.robot.ik(
                 T_base_tool,
@@ -135,8 +157,8 @@ class TargetGoals:
                     goal = Goal(key, one.q, EXACT)
                     self._exact.setdefault(key, []).append(goal)
                     return goal
-        if begun == self.settings.starts and not self.found(key):
-            self.failed[key] = why or "inverse kinematics found no solution"
+        if begun == self._most(key) and not self.found(key):
+            self.failed[key] = why or _UNSOLVED
             if self._node_of(target) is None:
                 self.meet.remove(target)
         return None

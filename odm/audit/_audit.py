@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from odm.audit._exact import Convexes, core_distance, winding
+from odm.audit._exact import Convexes, core_distance
 from odm.close_test._arm import Arm, Clearance, Work
 from odm.close_test._close import motion_clear
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
+from roadmap.geometry._winding import winding
 from roadmap.jit_options import FULL, FULL_INNER, INNER
 from roadmap.kinematics._forward import body_frames, turned
 

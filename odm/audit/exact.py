@@ -12,6 +12,7 @@ import numpy as np
 from odm.audit import _exact as kernels
 from odm.obstacles import shapes as solid
 from roadmap.errors import BadInput
+from roadmap.geometry._winding import winding
 from roadmap.kinematics.forward import body_frames
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE, Robot
 from roadmap.transforms import flat_pose, moved_points
@@ -152,7 +153,7 @@ class ExactRobot:
             for i in np.flatnonzero(use):
                 R, p = frames[i, :9].reshape(3, 3), frames[i, 9:]
                 x, y, z = R @ self.convexes.ball[i, :3] + p
-                if abs(kernels.winding(triangles, x, y, z)) > 0.5:
+                if abs(winding(triangles, x, y, z)) > 0.5:
                     return i, shape
         return None
 

@@ -80,6 +80,12 @@ class Scenery:
             "dropped": [list(pair) for pair in self.dropped],
         }
 
+    @classmethod
+    def of_boxes(cls, boxes: Sequence[tuple[str, Box]]) -> "Scenery":
+        """Return scenery of (name, box), base frame."""
+        rows = np.array([_box_row(box) for _, box in boxes]).reshape(-1, 16)
+        return cls(rows, names=tuple(name for name, _ in boxes))
+
     def shapes(self) -> list[tuple[str, Shape]]:
         """Return (name, shape) of the exact solids, for a picture; no half-spaces."""
         rows = zip(self.names, self.solids, strict=True)
@@ -195,8 +201,7 @@ class _Made:
         row = np.zeros(16)
         T = shape.T_base_shape
         if isinstance(shape, Box):
-            row[0], row[1:4] = BOX, T[:3, 3]
-            row[4:13], row[13:16] = T[:3, :3].ravel(), np.asarray(shape.size) / 2
+            row = _box_row(shape)
         elif isinstance(shape, Sphere | Capsule):
             a, b = (T[:3, 3],) * 2 if isinstance(shape, Sphere) else shape.ends()
             row[0], row[1:4], row[4:7] = ROD, a, b - a
@@ -218,6 +223,13 @@ class _Made:
         self.rows.append(row)
         self.names.append(name)
         return 0.0
+
+
+def _box_row(box: Box) -> np.ndarray:
+    row, T = np.zeros(16), box.T_base_shape
+    row[0], row[1:4] = BOX, T[:3, 3]
+    row[4:13], row[13:16] = T[:3, :3].ravel(), np.asarray(box.size) / 2
+    return row
 
 
 def _shapes_of(

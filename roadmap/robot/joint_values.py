@@ -49,11 +49,16 @@ def looks_like_degrees(value: float, prismatic: bool) -> bool:
     return not prismatic and abs(value) > TURN
 
 
+def slides(robot: Robot, j: int) -> bool:
+    """Return whether a joint is prismatic, its values metres."""
+    return bool(PRISMATIC in robot.tree_i[robot.tree_i[:, 1] == j, 2])
+
+
 def _trouble(robot: Robot, j: int, value: float) -> str:
     name = robot.joint_names[j]
     if not math.isfinite(value):
         return f"has {name} = {value}, which is not finite; give real numbers"
-    prismatic = PRISMATIC in robot.tree_i[robot.tree_i[:, 1] == j, 2]
+    prismatic = slides(robot, j)
     unit = "m" if prismatic else "rad"
     low, high = robot.lower[j], robot.upper[j]
     limits = f"outside its limits {low:.6g} to {high:.6g}"

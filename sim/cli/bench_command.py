@@ -15,7 +15,14 @@ from sim.terminal.checks import (
     Limits,
     Writes,
 )
-from sim.terminal.flags import Json, argument, flag, flags_of, from_request
+from sim.terminal.flags import (
+    JointNames,
+    Json,
+    argument,
+    flag,
+    flags_of,
+    from_request,
+)
 
 _COMMAND = "sim.bench.command"
 _COUNT = Limits(1, 1_000_000)
@@ -110,6 +117,12 @@ class BenchRequest:
     )
     files: list[Path] | None = flag(
         None, "A recording to use; again for more.", "--file", metavar="F"
+    )
+    mapping: JointNames = None
+    accept_defects: bool = flag(
+        False,
+        "Play recordings that show what no person does (motions).",
+        "--accept-defects",
     )
     plot: Path | None = flag(
         None, "Draw the figures, or the page (view), if it can.", writes=PICTURE

@@ -26,6 +26,7 @@ _CLEARS = 0.03  # [m] of what was given to the robot, where the arm comes to res
 _PULLS_AFTER = 0.3  # [s] from the first touch to the pull
 _STILL = 0.002  # [m] between two looks
 _AT = 0.004  # [rad] an arm is there
+_WALKS = 0.6  # [m/s] away from the robot
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ class Partner:
         self._back_until: float | None = None
         self._touched, self._slack_from = np.inf, np.inf
         self._done = False
-        self._walked = 0.0
+        self._walked = 0.0  # how far [m]
+        self._now = 0.0  # of the last step [s]
         self._given = np.zeros((0, 7))  # what was given to the robot, and where it is
         self._was = self._given  # the same at the last look
         self._waits = False  # with the hand drawn back, until that is out of the way
@@ -158,11 +160,12 @@ class Partner:
         elif len(self._given):
             self._given = np.zeros((0, 7))
         if now >= t.leaves_s:
-            self._walk(now)
+            self._walk(now, max(0.0, now - self._now))
         elif self.gives:
             self._give(now, fingers, held)
         else:
             self._receive(now, T_object, offered, fingers, held)
+        self._now = now
         if now >= self._leg[1] and self._then is not None:
             then, self._then = self._then, None
             self._go(now, then)
@@ -383,11 +386,11 @@ class Partner:
         self._then = None
         self._leg = now, now + took, np.array(self.arm), np.array(q)
 
-    def _walk(self, now: float) -> None:
-        """Walk backwards, away from the robot, the arm at rest."""
+    def _walk(self, now: float, passed: float) -> None:
+        """Walk backwards for so long [s], away from the robot, the arm at rest."""
         if self._walked == 0.0:
             self._go(now, self._rest)
-        step = 0.006  # [m] a frame
+        step = _WALKS * passed
         self._walked += step
         self.pull, self._done = 0.0, True
         if not self.gives:

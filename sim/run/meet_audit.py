@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handover import Human
+from handover.meet.constraints import ClearOf
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.live_targets import with_arm_at_rest
 from handover.targets.node_index import NodeIndex
@@ -75,7 +76,9 @@ class TargetAudit:
         self.meet.update(with_arm_at_rest(human, side) if self._from_rest else human)
         rated = self.meet.rated([pursued])[0] if pursued is not None else None
         quality = 0.0 if rated is None else rated.quality
-        ranked = self.meet.best_takeable(RANKED)
+        T_world_base = self.meet.settings.T_world_base
+        scene = ClearOf.of_scene(self.planner, T_world_base)
+        ranked = self.meet.best_takeable(RANKED, scene)
         for rank, target in enumerate(ranked):
             if self._reaches(target, obstacles, q):
                 found = target.key, target.quality, rank

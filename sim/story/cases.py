@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from roadmap.kinematics.forward import sphere_centers
 from roadmap.ranges import CheckedSettings, setting
 from roadmap.robot.known import known_robot
 from roadmap.robot.robot import Robot
-from roadmap.transforms import pose_of
+from roadmap.transforms import inverse_pose, pose_of
 from sim.loop.loop import exact_audit
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT, FAR, LOOKED_AT, NEAR
@@ -458,12 +459,15 @@ class InReachSettings(CheckedSettings):
     """How hard it is looked whether a hand-over is in reach (`in_reach`).
 
     Attributes:
-        tried: Targets that are tried, best first.
+        ranked: Targets that are ranked,
+        tried: ... and how many are tried at most, best first, of those where the map
+            has a node's tool near.
         starts: Starts of the inverse kinematics for each,
         steps: ... and their steps.
         apart: In reach is what keeps so much from the person, exactly [m].
     """
 
+    ranked: int = setting(400, 1, 10_000)
     tried: int = setting(40, 1, 10_000)
     starts: int = setting(8, 1, 10_000)
     steps: int = setting(60, 1, 10_000)
@@ -495,7 +499,14 @@ def in_reach(setup: StorySetup, case: StoryCase) -> InReach | None:
         thing = carried_object(box_of(setup.obj))
         held = [planner.carrier.test_with(thing, grasp) for grasp in grasps]
     robot = setup.cell_map.robot
-    for target in meet.best_takeable(settings.tried):
+    scene = ClearOf.of_scene(planner, meet.settings.T_world_base)
+    T_base_world = inverse_pose(meet.settings.T_world_base)
+    targets = (
+        target
+        for target in meet.best_takeable(settings.ranked, scene)
+        if not setup.index.is_remote(T_base_world @ target.T_world_tool, LIVE.far)
+    )
+    for target in islice(targets, settings.tried):
         there = body.with_arm(setup.side, target.arm_q).capsules()
         for k, grasp in enumerate(grasps):
             T = target.T_world_object @ np.linalg.inv(grasp)

@@ -84,20 +84,23 @@ class Berth:
     Args:
         executor: Of the robot; it knows how long its stops take.
         threat: What is assumed of the person.
+        seen_every: Time between what is seen of them, where more than the period [s].
 
     Attributes:
         room: Distance kept beyond the clearance [m]; 0 for a robot that stops quickly,
             until it stood braked on a way that was free.
         clearance: What every robot keeps [m].
-        period: Time between two frames [s].
+        period: Time between two frames in which something new is seen [s].
         stop_s, comes: How long its shortest stop takes, a frame included [s], and how
             much nearer somebody may come meanwhile [m].
         told: The least growth of the person's parts, as told last [m].
     """
 
-    def __init__(self, executor: Executor, threat: ThreatSettings) -> None:
-        how = executor.settings, executor.period, threat
-        self.period = executor.period
+    def __init__(
+        self, executor: Executor, threat: ThreatSettings, seen_every: float = 0.0
+    ) -> None:
+        self.period = max(executor.period, seen_every)
+        how = executor.settings, self.period, threat
         self.stop_s, comes = slowest_stop(executor.robot, *how)
         self.comes = comes
         exact = replace(threat, noise=0.0)  # by rate of the frames [Hz]

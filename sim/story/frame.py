@@ -12,7 +12,8 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
-from odm.execution.threat import Threat, Watcher, age_of
+from odm.execution.settings import FollowSettings
+from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
@@ -21,6 +22,7 @@ from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
+_LOST = 2.5  # times as long as a tracker takes for a frame, somebody may not be seen
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 OTHER_SIDE = {"left": "right", "right": "left"}
 _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
@@ -48,6 +50,9 @@ class StoryFrame:
         capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
             those of `human`.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
+        stamp: When person and object were seen [s], of the clock of `now`; None: now.
+            A loop that is quicker than its tracker tells what was seen last again, with
+            the stamp that it had: the frame that had it first counts, as old as it is.
 
     Raises:
         BadInput: Another shape or kind, or not one label for each capsule.
@@ -62,9 +67,12 @@ class StoryFrame:
     q: np.ndarray | None = None
     capsules: np.ndarray | None = None
     labels: np.ndarray | None = None
+    stamp: float | None = None
 
     def __post_init__(self) -> None:
         check_kind("now", self.now, Real, "give the time in seconds")
+        if self.stamp is not None:
+            check_kind("stamp", self.stamp, Real, "give the time in seconds, or None")
         nobody = "where nobody is seen, any with capsules=np.zeros((0, 7))"
         check_kind("human", self.human, Human, f"give a handover.Human; {nobody}")
         for name, shape in _SHAPES.items():
@@ -82,6 +90,11 @@ class StoryFrame:
                     f"there are {len(rows)} capsules and {parts.size} labels, but each "
                     "capsule must have one; give both"
                 )
+
+    @property
+    def seen_at(self) -> float:
+        """When person and object were seen [s]."""
+        return self.now if self.stamp is None else self.stamp
 
     def person(
         self, T_base_world: np.ndarray | None = None
@@ -198,7 +211,10 @@ class Sight:
         self.hand, self.conduct, self.side = hand, conduct, side
         self.T_base_world = T_base_world
         self.settings = hand.settings
-        self._watcher = Watcher(hand.settings.threat)
+        # who is lost for a frame of their tracker is followed on
+        follow = FollowSettings()
+        longest = max(follow.drift_s, _LOST * hand.settings.seen_every_s)
+        self._watcher = Watcher(hand.settings.threat, replace(follow, drift_s=longest))
         self._sound: Seen | None = None  # the last in which all was seen
         # over which time noise makes a still object no faster than half of that
         calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
@@ -213,7 +229,7 @@ class Sight:
         """Work out a frame, `dt` [s] after the one before."""
         rows, labels = frame.person(self.T_base_world)
         sound = are_sound(rows)
-        if not sound or self._lacks_object(frame):
+        if not sound or self._lacks_object(frame) or self._was_told(frame):
             lately = self._as_lately(frame, dt)
             if lately is not None:
                 return lately
@@ -224,20 +240,29 @@ class Sight:
         there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
         there.labels = {"capsules": words[: len(there)]}
         everything = there.capsules
-        threat = self._watcher.look(everything, frame.now) if len(everything) else None
+        threat, stamp = None, frame.seen_at
+        if len(everything):
+            age = 0.0 if frame.stamp is None else frame.now - stamp
+            threat = self._watcher.look(everything, stamp, age)
         speed = self.speed_of_object(frame)
         if loose:
             threat = self._as_it_stands(frame, threat, obj, speed, dt)
         near = rows[hand]
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
-        times = dt if sound else 0.0, frame.now
+        times = dt if sound else 0.0, stamp
         asked = self.settings.direction == "give"
         gaps = gap, self._instead(rows, labels) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
         seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
         return seen
+
+    def _was_told(self, frame: StoryFrame) -> bool:
+        """Whether what a frame shows is no newer than what was seen last."""
+        last = self._sound
+        told = frame.stamp is not None and last is not None
+        return told and frame.stamp <= last.stamp
 
     def _lacks_object(self, frame: StoryFrame) -> bool:
         """Whether what stood or was held out in the frame before is not seen now."""
@@ -248,19 +273,21 @@ class Sight:
     def _as_lately(self, frame: StoryFrame, dt: float) -> Seen | None:
         """Return a frame with the shapes of the last sound one; None: that is too old.
 
-        Or of another kind: something has been grasped, or let go of, since.
+        Or of another kind: something has been grasped, or let go of, since. Of one that
+        was told already there is nothing newer; too old, no time passes by it.
         """
         last, held = self._sound, self.hand.holding or frame.holds
         if last is None or (last.obj is not None and last.loose == held):
             return None
         age = frame.now - last.stamp
-        if not 0.0 <= age <= self.hand.planner.settings.max_age_s:
+        fresh = age <= self.hand.planner.settings.max_age_s
+        if not (0.0 <= age and (fresh or self._was_told(frame))):
             return None
         threat = last.threat
         if threat is not None:
-            threat = replace(threat, age=age_of(threat.age) + age)
+            threat = replace(threat, age=age)
         frame = replace(frame, T_base_object=last.frame.T_base_object)
-        return replace(last, frame=frame, threat=threat, dt=dt)
+        return replace(last, frame=frame, threat=threat, dt=dt if fresh else 0.0)
 
     def parts(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Return which capsules are the hand, and the arm, that takes part.
@@ -337,14 +364,14 @@ class Sight:
 
     def speed_of_object(self, frame: StoryFrame) -> float:
         """Return how fast the object goes on [m/s]; a hand that trembles is still."""
-        T, past, now = frame.T_base_object, self._object_was, frame.now
+        T, past, now = frame.T_base_object, self._object_was, frame.seen_at
         if T is None or (past and not now >= past[-1][0]):  # or the clock went back
             past.clear()
         if T is None:
             return 0.0
         past.append((now, T.copy()))
-        while past[0][0] < now - self._averaged_s - 1e-6:
-            past.popleft()
+        while len(past) > 2 and past[0][0] < now - self._averaged_s - 1e-6:
+            past.popleft()  # of a rare one the last two: alone it would seem to stand
         (since, there), (now, here) = past[0], past[-1]
         return _length(here[:3, 3] - there[:3, 3]) / (now - since or 1.0)
 

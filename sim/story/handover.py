@@ -127,7 +127,7 @@ class Handover:
         self._rest = np.array(self.executor.set_point.q)
         self._pull = PullDetector(s.pull)
         self._limit = SpeedLimit(planner.robot, s.speed) if s.slow else None
-        self._berth = Berth(self.executor, s.threat)
+        self._berth = Berth(self.executor, s.threat, s.seen_every_s)
         self._allowance = Allowance.lasting(self.executor.period)
         index, capsules = self.targets.finder.index, hand.obj.capsules
         if not self._give or len(T_places):
@@ -223,7 +223,8 @@ class Handover:
         if kind != "targets" or pursuit.key is not None or pursuit.touched:
             return ""
         if pursuit.state == OCCUPIED:
-            return "no way to a place within the person's reach is known to be free"
+            told = "no way to a place within the person's reach is known to be free"
+            return "; ".join(filter(None, (told, self.targets.finder.why_failed)))
         far = pursuit.missing_m
         nearer = f": they are {far:.2f} m too far away" if 0.0 < far < np.inf else ""
         return f"no place within reach of both is known{nearer}"

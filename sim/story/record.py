@@ -233,16 +233,16 @@ def _states(direction: str) -> list[str]:
 
 def _tracked(frames: list[StoryFrame]) -> dict[str, np.ndarray]:
     """Return the person as a tracker knew them, where that is not where they were."""
-    if frames[0].capsules is None:
-        return {}
-    return {
-        "story.tracked": np.array([f.capsules for f in frames]),
-        "story.labels": np.array([f.labels for f in frames], np.int64),
-    }
+    found = {}
+    if frames[0].capsules is not None:
+        found["story.tracked"] = np.array([f.capsules for f in frames])
+        found["story.labels"] = np.array([f.labels for f in frames], np.int64)
+    if frames[0].stamp is not None:
+        found["story.stamp"] = np.array([f.seen_at for f in frames])
+    return found
 
 
 def _seen(arrays: dict[str, np.ndarray], i: int) -> dict[str, np.ndarray]:
-    if "story.tracked" not in arrays:
-        return {}
-    capsules, labels = arrays["story.tracked"][i], arrays["story.labels"][i]
-    return {"capsules": capsules, "labels": labels}
+    names = {"capsules": "tracked", "labels": "labels", "stamp": "stamp"}
+    told = {field: f"{_OF_IT}{name}" for field, name in names.items()}
+    return {field: arrays[name][i] for field, name in told.items() if name in arrays}

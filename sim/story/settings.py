@@ -234,6 +234,10 @@ class StorySettings(CheckedSettings):
             a hurry give `ThreatSettings()`. A sensor that is not exact needs its
             `noise`: else its errors look like a part that starts off, and the robot
             waits.
+        seen_every_s: Largest time from one `StoryFrame.stamp` to when the next one is
+            known, for a loop that is quicker than its tracker: by then somebody may
+            have come as much nearer as in a loop so slow, and the robot keeps more room
+            [s]. 0: each frame is new.
     """
 
     direction: str = "give"
@@ -262,6 +266,7 @@ class StorySettings(CheckedSettings):
     speed: SpeedSettings = field(default_factory=SpeedSettings)
     comfort: ComfortSettings = field(default_factory=ComfortSettings)
     threat: ThreatSettings = PARTNER
+    seen_every_s: float = setting(0.0, 0.0, 1.0, "s")
 
     @classmethod
     def for_robot(cls, robot: Robot, **settings: object) -> "StorySettings":

@@ -6,13 +6,14 @@ geometry, if the robot moves by itself meanwhile: if its set-point does. That so
 presses a robot that stands against a person is no contact of the planner's.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from odm import ReactivePlanner, load_map
+from roadmap.errors import BadInput
 from sim.bench.evadable import Oracle, TouchWatch
 from sim.bench.lost_time import PaceWatch, lost_time, lost_time_table
 from sim.bench.many import play_all
@@ -40,6 +41,8 @@ def run(
     seeds: int = 2,
     motions: Sequence[str] | None = None,
     files: Sequence[str | Path] = (),
+    mapping: str | Path | None = None,
+    accept_defects: bool = False,
     execution: str = "kinematic",
     pushed: bool = False,
     seed: int = 0,
@@ -56,6 +59,8 @@ def run(
         motions: Names of motions; None: all scripted ones but the scenes, which are
             staged so that the robot has to hold.
         files: Recorded motions (CSV, BVH), each played once for its length at most.
+        mapping: TOML file that names the joints of the files; None: known ones.
+        accept_defects: Play files that show what no person does, too.
         execution: "kinematic" or "timed"; see `sim.loop.loop.LoopSettings`.
         pushed: Push the robot, several times a minute; see `sim.bench.pushed`.
         seed: The first seed.
@@ -69,11 +74,18 @@ def run(
     """
     names = tuple(motions or (n for n in motion_names() if n not in SCENES))
     files = tuple(str(file) for file in files)
-    _check_people(map_dir, names, files, seed)
+    if (mapping or accept_defects) and not files:
+        raise BadInput(
+            "--mapping and --accept-defects are about recordings, and none was given; "
+            "name one with --file FILE, or leave them out"
+        )
+    how = {"mapping": mapping, "accept_defects": accept_defects}
+    people = {f: RunRequest(Path(map_dir), "mocap", file=Path(f), **how) for f in files}
+    _check_people(names, people.values(), seed)
     if short:
         seconds, seeds = min(seconds, 2.0), 1
     jobs = [(None, seed), *((m, s + seed) for m in names for s in range(seeds))]
-    jobs += [(file, seed) for file in files]
+    jobs += [(request, seed) for request in people.values()]
     shared = (str(map_dir), seconds, execution, pushed)
     tell = tell or (lambda text: None)
     tell(f"{len(jobs)} runs of {seconds:g} s")
@@ -99,13 +111,13 @@ def run(
 
 
 def _check_people(
-    map_dir: str | Path, names: Sequence[str], files: Sequence[str], seed: int
+    names: Sequence[str], people: Iterable[RunRequest], seed: int
 ) -> None:
     """Refuse a wrong name or file before any work."""
     for name in names:
         make_motion(name, seed)
-    for file in files:
-        person_of(RunRequest(Path(map_dir), "mocap", file=Path(file)))
+    for request in people:
+        person_of(request)
 
 
 def _all_rows(
@@ -122,16 +134,18 @@ def _all_rows(
     return rows
 
 
-def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) -> dict:
-    """Run once; a process of its own may do this."""
+def _played(
+    job: tuple[str, float, str, bool, str | RunRequest | None, int, float | None],
+) -> dict:
+    """Run once beside a motion or, by request, a recording; in any process."""
     map_dir, seconds, execution, pushed, motion, seed, trip_s = job
     planner = ReactivePlanner(load_map(map_dir, verify=False))
     settings = LoopSettings(
         rate_hz=DEMO.rate_hz, duration_s=seconds, seed=seed, execution=execution
     )
-    recorded = motion is not None and motion not in motion_names()
+    recorded = isinstance(motion, RunRequest)
     if recorded:
-        human = person_of(RunRequest(Path(map_dir), "mocap", file=Path(motion)))
+        human = person_of(motion)
     else:
         human = None if motion is None else make_motion(motion, seed)
     places = find_places(planner)
@@ -152,7 +166,7 @@ def _played(job: tuple[str, float, str, bool, str | None, int, float | None]) ->
     if asks and trip_s is not None:
         how = (paces.paces, settings.speed_scale, trip_s)
         lost["lost"] = lost_time(planner, places, human, result, *how)
-    name = {"motion": Path(motion).stem} if recorded else {}
+    name = {"motion": motion.file.stem} if recorded else {}
     return {
         **result.summary(),
         **name,

@@ -13,12 +13,14 @@ from handover.meet.find import find_handover
 from handover.meet.settings import FindSettings
 from handover.meet.validity import PlannerValidity
 from odm.audit.exact import ExactRobot
-from odm.obstacles.scenery import parse_scenery
+from odm.obstacles.scenery import Scenery, parse_scenery
 from odm.obstacles.shapes import Capsule
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
 
+EYE = np.eye(4)
 LONG = 60.0  # [s] tests do not wait for a clock
 
 
@@ -71,6 +73,33 @@ def test_no_arm_reaches_through_a_board(robot_map, robot):
     assert found and found.target.key not in through and through & why.keys()
     for key in through & why.keys():
         assert "would be in what stands still" in why[key]
+
+
+def test_no_arm_reaches_through_what_the_planners_scene_adds(robot_map, cell_map):
+    planner = odm.ReactivePlanner(cell_map)
+    board = parse_scenery((BOARD,)).shapes()[0][1]
+    shifted = pose_of((0.2, -0.1, 0.3), (0.1, 0.0, 0.4))
+    planner.set_base(shifted)  # a scene stands in the world, and so does the person
+    planner.scene.add("board", board, shifted)
+    known = workspace(robot_map, person(0.8), constraints=(ClearOf(Scenery()),))
+    through = {t.key for t in known.best(300)} - {
+        t.key for t in known.takeable(known.best(300), ClearOf.of_scene(planner, EYE))
+    }
+    meet = workspace(
+        robot_map, person(0.8), constraints=(ClearOf(parse_scenery((BOARD,))),)
+    )
+    clear = {t.key for t in meet.takeable(meet.best(300))}
+    assert through and not through & clear  # as if the map had it
+    planner.step(np.zeros((0, 3)), q=cell_map.roadmap.nodes[0])
+    found = find_handover(known, planner.robot, planner, LONG)
+    why = {target.key: reason for target, reason in found.tried}
+    assert found.target is None or found.target.key not in through
+    assert through & why.keys()
+    for key in through & why.keys():
+        assert "would be in what stands still" in why[key]
+    bare = workspace(robot_map, person(0.8))  # who gives no ClearOf is not asked
+    ranked = bare.best(300)
+    assert bare.takeable(ranked, ClearOf.of_scene(planner, EYE)) == ranked
 
 
 def test_each_rejected_one_says_what_it_fell_for(meet, robot):

@@ -437,6 +437,21 @@ def test_nobody_takes_an_object_with_an_arm_in_what_stands_still(meet_of, rng, k
     assert len(meet.best_takeable(100_000)) < len(meet.best(100_000))
 
 
+@pytest.mark.parametrize("kind", ["box", "board"])
+def test_where_everything_is_blocked_nothing_is_left_to_the_next_that_is_asked(
+    meet_of, kind
+):
+    around = {"type": "box", "size": [9.0, 9.0, 9.0], "position": [0.0, 0.0, 0.0]}
+    every, one = (ClearOf(parse_scenery((t,)), BASE) for t in (around, STANDS[kind]))
+    for constraints, scene in (([one], every), ([ClearOf(one.scenery)], every)):
+        meet = meet_of(person(0.8), constraints=constraints)
+        ranked = meet.best(100)
+        assert ranked and meet.takeable(ranked, scene) == []
+        assert meet.takeable([], scene) == []
+    bare = meet_of(person(0.8)).best(100)
+    assert meet_of(person(0.8), constraints=[every, one]).takeable(bare) == []
+
+
 def test_the_cells_of_a_map_are_found_once_while_it_is_in_memory(robot_map):
     known = robot_cells(robot_map, 0.3, 72, 0.25)
     assert robot_cells(robot_map, 0.3, 72, 0.25) is known

@@ -17,7 +17,7 @@ from handover.targets.live_targets import (
 )
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
-from odm.obstacles.scenery import parse_scenery
+from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 
@@ -75,9 +75,10 @@ def test_the_robot_gets_to_the_target_it_pursues(cell_map, robot_map, index):
     assert last.quality == pytest.approx(target.quality)
 
 
+@pytest.mark.parametrize("at_run_time", [False, True])
 @pytest.mark.parametrize("rank_budget", [0, 200])
 def test_no_target_is_pursued_that_an_arm_would_reach_through_a_board(
-    cell_map, robot_map, index, rank_budget
+    cell_map, robot_map, index, rank_budget, at_run_time
 ):
     human = person(0.9)
     live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
@@ -86,15 +87,48 @@ def test_no_target_is_pursued_that_an_arm_would_reach_through_a_board(
     forearm = human.arm_capsules("right", through.arm_q[None])[0, 1]
     board = {"type": "box", "size": [0.02, 0.02, 0.02]}
     board["position"] = (0.5 * (forearm[:3] + forearm[3:6])).tolist()
-    clear = (ClearOf(parse_scenery((board,))),)
+    board = parse_scenery((board,))
+    clear = (ClearOf(Scenery() if at_run_time else board),)
 
     live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
     live.meet = live.finder.meet = workspace(robot_map, human, constraints=clear)
-    _, pursuits = run(live, start(cell_map), [human] * 120)
+    q, pursuits = start(cell_map), []
+    if at_run_time:  # it is put there while the robot is on its way to that target
+        q, pursuits = run(live, q, [human] * 90)
+        assert pursuits[-1].key == through.key
+        live.planner.scene.add("board", board.shapes()[0][1])
+        q, pursuits = run(live, q, [human] * 20)
+    _, pursuits = run(live, q, [human] * 120)
     keys = {p.key for p in pursuits} - {None}
     assert keys and through.key not in keys
+    scene = ClearOf.of_scene(live.planner, np.eye(4))
     for target in live.meet.rated(sorted(keys)):
-        assert live.meet.takeable([target]) == [target]
+        assert live.meet.takeable([target], scene) == [target]
+    if at_run_time:  # and back to it once it is taken away
+        assert not live.meet.takeable([through], scene)
+        live.planner.scene.clear()
+        _, pursuits = run(live, q, [human] * 400)
+        assert pursuits[-1].quality >= through.quality - 0.03
+
+
+@pytest.mark.parametrize("rank_budget", [0, 200])
+def test_targets_that_nobody_can_take_leave_room_for_as_many_others(
+    cell_map, robot_map, index, rank_budget
+):
+    human = person(0.9)
+    free = workspace(robot_map, human).best(40)
+    arms = human.arm_capsules("right", np.array([t.arm_q for t in free[:10]]))[:, 1]
+    middles = 0.5 * (arms[:, :3] + arms[:, 3:6])
+    lower, upper = middles.min(axis=0) - 0.05, middles.max(axis=0) + 0.05
+    board = {"type": "box", "size": (upper - lower).tolist()}
+    board["position"] = (0.5 * (lower + upper)).tolist()
+    clear = (ClearOf(parse_scenery((board,))),)
+    live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
+    live.meet = live.finder.meet = workspace(robot_map, human, constraints=clear)
+    blocked = len(live.meet.best(10)) - len(live.meet.takeable(live.meet.best(10)))
+    assert blocked >= 3  # of the ten that are considered in a frame
+    run(live, start(cell_map), [human] * 200, pace=False)
+    assert live.pursuit.targets >= live.settings.ranked
 
 
 def test_it_is_there_for_the_other_hand_once_that_was_ranked(
@@ -282,7 +316,8 @@ def test_a_target_that_no_inverse_kinematics_reaches_is_removed(
     cell_map, robot_map, index
 ):
     human = person(0.9)
-    live = live_of(cell_map, robot_map, index, human, node_tolerance_m=0.0)
+    every = {"node_tolerance_m": 0.0, "far": 1e6}  # all starts, however far it is
+    live = live_of(cell_map, robot_map, index, human, **every)
     target = live.meet.best(1)[0]
     far = target.T_world_tool.copy()
     far[0, 3] += 5.0

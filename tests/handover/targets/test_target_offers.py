@@ -224,3 +224,41 @@ def test_what_was_joined_may_be_set_once_where_nothing_is_kept(
     offers = TargetOffers(planner, finder, LiveSettings(connect_every=5))
     assert settled(offers, {target.key: target}, target.key)[-1] is Offer.MADE
     assert len(offers.goals((target.key,))) == 1
+
+
+def test_a_place_that_no_node_is_near_to_is_worth_one_start(
+    planner, robot_map, index, monkeypatch
+):
+    """As below a table: with all starts the next place has its turn much later."""
+    starts = []
+
+    def ik(*args, **options):
+        starts.append(args)
+        return []
+
+    monkeypatch.setattr(type(planner.robot), "ik", ik)
+    meet = workspace(robot_map, person(0.9))
+    ranked, tools = meet.best(400), index.T_base_tool[:, :3, 3]
+    gaps = np.linalg.norm(tools[:, None] - tools, axis=2) + 9.0 * np.eye(len(tools))
+    assert index.apart_m == pytest.approx(np.median(gaps.min(axis=1)))
+    off = [
+        np.linalg.norm(tools - t.T_world_tool[:3, 3], axis=1).min() / index.apart_m
+        for t in ranked
+    ]
+    far = float(np.median(off))
+    finder = TargetGoals(
+        planner, meet, index, LiveSettings(node_tolerance_m=0.0, far=far)
+    )
+    order = np.argsort(off)
+    for k, most in ((order[:3], finder.settings.starts), (order[-3:], 1)):
+        for target in (ranked[i] for i in k):
+            starts.clear()
+            while finder.is_open(target.key):
+                finder.work(target)
+            assert len(starts) == most
+            assert "found no solution" in finder.failed[target.key]
+    assert "robot gets to none of 6 looked at (inverse kin" in finder.why_failed
+    finder.failed[-1] = "it is not free: link5 would touch table at 50% of the motion"
+    assert "none of 7 looked at (link5 would touch table)" in finder.why_failed
+    finder.forget()
+    assert finder.why_failed == "" and finder.is_open(ranked[order[-1]].key)

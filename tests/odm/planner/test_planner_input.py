@@ -56,6 +56,19 @@ def test_how_old_data_may_be_is_the_users_choice(small_map):
     assert "600 ms old, more than the 500 ms" in answer.reason
 
 
+def test_how_far_a_joint_is_out_of_its_limits_is_told_and_that_degrees_are_none(
+    planner,
+):
+    upper = planner.robot.upper
+    assert upper[0] == 1.5
+    just = planner.is_free(upper + [1e-9, 0.0, 0.0], HOME)
+    told = "= 1.5 lies outside its limits -1.5 to 1.5 by 1e-09 rad"
+    assert just.reason.endswith(told)
+    planner.set_goals([AWAY])
+    answer = planner.step(NOBODY, q=np.array([45.0, 0.0, 0.0]))
+    assert "by 44 rad, which looks like degrees, not radians" in answer.reason
+
+
 def test_a_start_out_of_limits_or_unknown_holds(planner):
     planner.set_goals([AWAY])
     answer = planner.step(NOBODY, q=np.array([1.6, 0.0, 0.0]))

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mocap_files import person, write_csv
 from small import small_recipe
 
 import odm
@@ -127,3 +128,26 @@ def test_a_place_counts_as_occupied_while_the_person_is_within_the_clearance(map
 def test_an_unknown_motion_is_refused_before_any_work():
     with pytest.raises(BadInput, match=motion_names()[0]):
         motions.run("nowhere", motions=("walk",))
+
+
+def test_a_recording_that_asks_for_it_is_played_with_defects_and_a_mapping(
+    odm, map_dir, tmp_path
+):
+    joints = person(60)
+    joints["neck"] += [0, -0.5, -0.1]  # a trunk bent backwards
+    names = {name: f"m{i}" for i, name in enumerate(joints)}
+    file = write_csv(tmp_path / "bent.csv", joints, names=names)
+    toml = tmp_path / "names.toml"
+    toml.write_text("\n".join(f'{joint} = "{n}"' for joint, n in names.items()))
+    asked = ("bench", "motions", "--map", map_dir, "--short", "--file", file)
+    asked += ("--processes", "1", "--motion", "hover", "--mapping", toml)
+    code, _, told = odm(*asked)
+    assert code == 2 and "--accept-defects" in told
+    code, shown, _ = odm(*asked, "--accept-defects")
+    assert code == 0 and "bent: trips" in shown
+
+
+@pytest.mark.parametrize("option", [{"mapping": "a.toml"}, {"accept_defects": True}])
+def test_what_is_about_recordings_is_refused_without_one(option):
+    with pytest.raises(BadInput, match="name one with --file"):
+        motions.run("nowhere", motions=("hover",), **option)

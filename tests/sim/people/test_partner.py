@@ -60,6 +60,15 @@ def test_nobody_reaches_for_what_is_not_held_out_and_some_withdraw_once():
     assert shy.traits.withdraws_at == 0.0
 
 
+@pytest.mark.parametrize("rate", [10, 30, 100])
+def test_who_walks_off_is_as_quick_at_every_rate_of_the_frames(rate):
+    person, T, places = partner(leaves_s=0.2), np.eye(4), {}
+    for k in range(2 * rate + 1):
+        human = person.step(k / rate, T, False, "closed", True)
+        places[k / rate] = human.T_world_pelvis[:3, 3]
+    assert np.isclose(np.linalg.norm(places[2.0] - places[1.0]), 0.6)
+
+
 def test_the_arm_does_not_hang_in_what_it_gave_until_that_is_gone():
     """Nobody lets a hand hang in a wrench: it waits, drawn back."""
     body = Human().placed(0.8, 0.0, np.pi)

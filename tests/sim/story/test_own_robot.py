@@ -1101,6 +1101,97 @@ def test_no_clock_makes_a_story_late_and_a_late_frame_says_nothing_of_what_laste
     assert 0.0 < story._pull.lasted < 0.1 and not story.events
 
 
+def in_motion(human, now):
+    """Return the person moved along y at 0.3 m/s, and an object that goes with them."""
+    T = pose_of((0.0, 0.3 * now, 0.0), (0.0, 0.0, 0.0))
+    return human.moved(T @ human.T_world_pelvis), T @ FAR
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0])
+def test_a_person_whose_tracker_is_slower_than_the_loop_is_followed(maps, rate):
+    """Each of its frames comes late and is told several times; some are lost."""
+    story, human = story_of(maps, "receive", seen_every_s=1.0 / rate)
+    rng, stamps, speeds, next_at = np.random.default_rng(3), [], [], 0.0
+    for k in range(150):
+        now = PERIOD * k
+        if now >= next_at - 1e-9:
+            next_at = now + 1.0 / rate
+            if not stamps or rng.uniform() > 0.15:
+                stamps.append(now - rng.uniform(0.001, 0.009))
+        there, T = in_motion(human, stamps[-1])
+        if now - stamps[-1] > PERIOD:  # told again, so this is not looked at
+            T = T @ pose_of((0.0, 0.0, 0.01), (0.0, 0.0, 0.0))
+        story.update(sim.StoryFrame(now, there, T_base_object=T, stamp=stamps[-1]))
+        seen, threat, late = story._last, story._last.threat, now - stamps[-1]
+        assert (story.answer.status == "holding") >= (late > 0.1)
+        if len(stamps) < 4:
+            continue
+        assert seen.stamp == stamps[-1] and threat.age == pytest.approx(late)
+        assert seen.dt == (0.0 if late > 0.1 + 1e-9 else pytest.approx(PERIOD))
+        assert threat.known.all() and len(threat.error) > seen.people
+        np.testing.assert_allclose(threat.velocity[:, :, 1], 0.3, atol=1e-9)
+        speeds.append(seen.object_speed)
+    assert len(stamps) < 0.95 * 1.5 * rate
+    assert speeds == pytest.approx([0.3] * len(speeds))  # never still between two
+
+
+def test_what_is_older_than_before_stands_back_and_what_cannot_be_holds(maps):
+    story, human = story_of(maps)
+    now = 0.0
+
+    def update(stamp, place=0.0):
+        there = in_motion(human, place)[0]
+        story.update(sim.StoryFrame(now, there, None, holds=True, stamp=stamp))
+        return story._last.stamp, story.answer.status == "holding"
+
+    for k in range(20):
+        now = PERIOD * k
+        assert update(now, now) == (now, False)
+    last = now
+    now += PERIOD  # an older frame that came late: what was seen last is nearer to now
+    assert update(last - 0.03, last - 0.03) == (last, False)
+    assert story._last.threat.known.all()
+    now = last + 0.3
+    for stamp, words in (
+        (last, "300 ms old, more than the 100 ms"),
+        (np.nan, "stamp of the obstacle data is nan"),
+        (now + 1.0, "stamped 1000 ms in the future"),
+    ):
+        _, held = update(stamp)
+        assert held and words in story.reason
+        assert not np.isfinite(story._last.threat.between(0.0, 0.0)[1]) or stamp == last
+    with pytest.raises(BadInput, match="stamp"):
+        sim.StoryFrame(0.0, human, stamp="now")
+
+
+def test_a_tracker_that_is_slow_is_given_the_room_of_a_loop_as_slow(maps):
+    slow = story_of(maps, period=0.05)[0]._berth
+    told = story_of(maps, seen_every_s=0.05)[0]._berth
+    assert told.room == slow.room > story_of(maps)[0]._berth.room
+    assert story_of(maps, seen_every_s=0.001)[0]._berth.period == PERIOD
+    rare = story_of(maps, direction="receive", seen_every_s=0.1)[0]
+    assert re.search(r"every 100 ms.*at least \d+ frames", rare.reason)
+
+
+def test_a_hand_over_beside_a_slow_tracker_is_the_same_story(maps):
+    story, human = story_of(maps, seen_every_s=0.04)
+
+    def look(story, now, opened, closed):
+        stamp = np.floor(now * 30.0) / 30.0
+        force = 12.0 if story.state in ("present", "wait", "release") else 0.0
+        sway = pose_of((0.0, 0.01 * np.sin(3.0 * stamp), 0.0), (0.0, 0.0, 0.0))
+        there = human.moved(sway @ human.T_world_pelvis)
+        if force:
+            target = story.targets.meet.best(1)
+            there = there.with_arm("right", target[0].arm_q) if target else there
+        seen = pulled(force), opened, not opened
+        return sim.StoryFrame(now, there, *seen, stamp=min(stamp, now))
+
+    states = tell(story, 20.0, look)
+    assert states[-1] == "done" and story.outcome == "handed over"
+    assert not any(event.failure for event in story.events)
+
+
 @pytest.mark.parametrize("wrong", ["nan", "no radius"])
 def test_a_person_that_cannot_be_makes_it_stand_until_they_are_seen(maps, wrong):
     story, human = story_of(maps, wait_s=0.6)  # while they are not, no time passes

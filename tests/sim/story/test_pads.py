@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -15,8 +16,9 @@ from sim.bench.handover import story as story_bench
 from sim.people.partner import Partner
 from sim.record import write_record
 from sim.story.cases import StoryCase, pads_of, setup_of
+from sim.story.handover import Handover
 from sim.story.play import StoryPlay
-from sim.story.record import StoryRecorder
+from sim.story.record import StoryRecorder, play_again, same
 from sim.story.request import DemoRequest
 
 BALL = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
@@ -99,6 +101,33 @@ def test_a_recording_is_played_again_with_its_own_pads(odm, maps, meet_maps, tmp
     told = ("--map", meet_maps[0], "--reach", meet_maps[1])
     code, out, error = odm("replay", file, *told)
     assert code == 0 and "same: 20 frames" in out, error
+
+
+class LatePlay(StoryPlay):
+    """What is seen of the person is told four times, as old as it is."""
+
+    def _frame(self, now, *told):
+        if not self.index % 4:
+            self.told = super()._frame(now, *told)
+        return replace(self.told, now=now, stamp=self.told.now)
+
+
+def test_when_the_person_was_seen_is_recorded_and_told_again(maps, monkeypatch):
+    setup = setup_of(*maps, pads=["flange"], place=False)
+    case = StoryCase("receive", distance=1.2)
+    giver = Partner(case.body(), setup.side, setup.obj, case.traits, gives=True)
+    recorder = StoryRecorder(LatePlay(setup, case, partner=giver))
+    for _ in range(12):
+        recorder.add(recorder.run.step())
+    record, told, update = recorder.record(), [], Handover.update
+
+    def hear(story, frame):
+        told.append(frame.stamp)
+        return update(story, frame)
+
+    monkeypatch.setattr(Handover, "update", hear)
+    assert same(record, *play_again(record, setup))
+    assert told == np.repeat([0.0, 0.04, 0.08], 4).tolist()
 
 
 def robot_with(tmp_path, names):
