@@ -20,7 +20,8 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 NO_STOP = 1000.0
 # Revolute joints of real arms stop within three turns; degrees do so within 720 [rad].
 MOST_TURNED, MOST_DEGREES = 6.0 * math.pi, 720.0
-_NUMBERS = {  # how many numbers stand where in a link or a joint; (): told elsewhere
+# How many numbers stand where in a link or a joint; (): that is told elsewhere.
+_NUMBERS: dict[str, dict[str, tuple[int, ...]]] = {
     "origin": {"xyz": (3,), "rpy": (3,)},
     "axis": {"xyz": (3,)},
     "limit": {"lower": (1,), "upper": (1,), "velocity": (1,), "effort": (1,)},
@@ -189,7 +190,10 @@ def read_xml(path: Path):
     # files beside pybullet declare this; whatever it is, they are plain XML
     data = re.sub(rb'^(\s*<\?xml version=["\'])0\.\d(?=["\'])', rb"\g<1>1.0", data)
     parser = etree.XMLParser(recover=True, resolve_entities=False)
-    root = etree.fromstring(data, parser) if data.strip() else None
+    try:
+        root = etree.fromstring(data, parser) if data.strip() else None
+    except etree.XMLSyntaxError:  # nothing can be recovered
+        root = None
     bad = [e for e in parser.error_log if "NS_ERR" not in e.type_name]
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"

@@ -25,7 +25,8 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "<robot name='x'>", "<robot><link name='a'></robot>", "not xml"]
+    "text",
+    ["", "<robot name='x'>", "<robot><link name='a'></robot>", "not xml", "\0\1\2"],
 )
 def test_broken_xml_is_refused_not_repaired(text, tmp_path):
     (tmp_path / "r.urdf").write_text(text)
