@@ -15,7 +15,7 @@ from odm.cell_map.payload import build_payload, envelope_spheres
 from odm.cell_map.recipe import Recipe, load_recipe
 from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.arm import arm_of
-from odm.close_test.static import always_touching
+from odm.close_test.static import always_touching, with_insides
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
@@ -55,6 +55,7 @@ def build_map(
     if robot is None:
         robot = robot_of(recipe)
     check_size(robot, recipe)
+    scenery = with_insides(robot, scenery)
     scenery = always_touching(robot, scenery, recipe.safety)
     workers = workers or Threads(threads)
     tested = _tested_by(workers, robot, scenery, recipe)

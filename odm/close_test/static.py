@@ -20,11 +20,13 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid, grid_for
+from odm.obstacles.mesh_surface import is_inside
 from odm.obstacles.scenery import Scenery
 from roadmap.arrays import writable
 from roadmap.errors import BadInput
 from roadmap.geometry._self_collision import SelfWork, motion_clear
 from roadmap.geometry.self_collision import FINEST, MARGIN, TOLERANCE, self_collision
+from roadmap.kinematics.forward import sphere_centers
 from roadmap.loading.held_link import extended_collision
 from roadmap.robot.robot import Robot
 
@@ -235,6 +237,11 @@ class StaticTest:
         owner, names = self.robot.sphere_link, self.robot.link_names
         return [names[k] for k in owner[moving_order(self.robot)].tolist()]
 
+    @cached_property
+    def places(self) -> np.ndarray:
+        """See `still_places`."""
+        return still_places(self.robot)
+
     def still(self, more: float = 0.0, nearer: float = 0.0) -> kernels.Still:
         """Return all that stands still, with the scratch of this thread."""
         radii, place_radii, bare = self.radii, self.place_radii, self.place_bare
@@ -320,6 +327,36 @@ def _skipped(robot: Robot, scenery: Scenery) -> np.ndarray:
     return skip
 
 
+def still_places(robot: Robot) -> np.ndarray:
+    """Return where 256 drawn configurations bring a sphere's centre, (256, 3) [m].
+
+    The moving sphere that is moved least, base frame: whatever holds the whole robot
+    in it holds some of these places. None (0, 3) if nothing moves.
+    """
+    moving = robot.sphere_body > 0
+    if not moving.any():
+        return np.zeros((0, 3))
+    centers = np.array([sphere_centers(robot, q)[moving] for q in _drawn(robot)])
+    return centers[:, np.linalg.norm(np.ptp(centers, axis=0), axis=1).argmin()]
+
+
+def with_insides(robot: Robot, scenery: Scenery) -> Scenery:
+    """Let the meshes that count by points of their surface block their inside, too.
+
+    A mesh whose surface is near no link may hold the whole robot: those of
+    `still_places` that are inside of one become points of it.
+    """
+    places = still_places(robot) if scenery.loose else np.zeros((0, 3))
+    held = [places[is_inside(mesh, places)] for mesh in scenery.loose]
+    return replace(scenery, points=np.concatenate([scenery.points, *held]), loose=())
+
+
+def _drawn(robot: Robot) -> np.ndarray:
+    """Return 256 configurations (256, dof) within the limits, always the same."""
+    share = np.random.default_rng(0).random((256, robot.dof))
+    return robot.lower + share * (robot.upper - robot.lower)
+
+
 def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
     """Drop (link, solid) pairs that touch in every one of 256 drawn configurations.
 
@@ -329,9 +366,7 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
     """
     arm = arm_of(robot)
     work = make_work(arm, robot.dof)
-    rng = np.random.default_rng(0)
-    sample = robot.lower + rng.random((256, robot.dof)) * (robot.upper - robot.lower)
-    dropped = []
+    sample, dropped = _drawn(robot), []
     still = np.zeros(robot.dof)
     for body in range(1, len(robot.tree_i)):
         if robot.tree_i[body, 0] != 0:

@@ -11,7 +11,7 @@ from odm.frame import _place as kernels
 from odm.obstacles import shapes
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids
-from odm.obstacles.mesh_surface import cover_densely, is_small_hull
+from odm.obstacles.mesh_surface import cover_densely, is_inside, is_small_hull
 from odm.obstacles.obstacles import Obstacles, SolidRoom, together
 from odm.obstacles.point_cloud import thinned
 from odm.obstacles.surfaces import Surface, require_covering, surface_of
@@ -60,6 +60,7 @@ class ShapeGroup:
     def __init__(self, name: str, parts: tuple, rho: float) -> None:
         self.name, self.parts = name, parts
         exact, loose = [], [np.zeros((0, 3))]
+        self._meshes: list[np.ndarray] = []  # corners (m, 3, 3) of those by points
         for part in parts:
             if isinstance(part, Surface):
                 require_covering(part, rho)
@@ -68,6 +69,8 @@ class ShapeGroup:
                 part.vertices, part.faces
             ):
                 loose.append(_mesh_points(part, rho))
+                vertices = moved_points(part.vertices, part.T_base_shape)
+                self._meshes.append(vertices[part.faces])
             else:
                 exact.append(part)
         self._obstacles, self._room = Obstacles.of(exact), SolidRoom()
@@ -76,10 +79,20 @@ class ShapeGroup:
         self._points = np.concatenate(loose)
         self._samples = np.concatenate([*covers, self._points])
 
-    def at(self, T_base_thing: np.ndarray) -> Standing:
-        """Return it where its frame has this pose (4, 4) in the base frame."""
-        samples = moved_points(self._samples, T_base_thing)
-        points = moved_points(self._points, T_base_thing)
+    def at(self, T_base_thing: np.ndarray, static: StaticTest) -> Standing:
+        """Return it where its frame has this pose (4, 4) in the base frame.
+
+        A mesh that counts by points of its surface may hold the whole robot: places of
+        `static` that are inside of it are points, too.
+        """
+        held = [np.zeros((0, 3))]
+        if self._meshes:
+            places = moved_points(static.places, np.linalg.inv(T_base_thing))
+            held += [places[is_inside(mesh, places)] for mesh in self._meshes]
+        points = np.concatenate([self._points, *held])
+        samples = np.concatenate([self._samples, *held])
+        samples = moved_points(samples, T_base_thing)
+        points = moved_points(points, T_base_thing)
         return Standing(self.name, samples, points, self._solids_at(T_base_thing))
 
     def _solids_at(self, T_base_thing: np.ndarray) -> Solids:

@@ -97,6 +97,23 @@ def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.asarray(vertices, float)[faces]
 
 
+def is_inside(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return which points (n, 3) a closed mesh of (m, 3, 3) corners holds, (n,) bool.
+
+    By the solid angle that it takes up around each.
+    """
+    low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+    held = ((points > low) & (points < high)).all(axis=1)
+    for k in np.flatnonzero(held):
+        a, b, c = np.moveaxis(triangles - points[k], 1, 0)
+        x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+        ab, bc, ca = (np.einsum("mi,mi->m", *two) for two in ((a, b), (b, c), (c, a)))
+        volume = np.einsum("mi,mi->m", a, np.cross(b, c))
+        half = np.arctan2(volume, x * y * z + ab * z + bc * x + ca * y)
+        held[k] = abs(half.sum()) > np.pi
+    return held
+
+
 def require_solid(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Refuse a mesh that is neither closed nor, but for rounding, a small hull."""
     if _open_edges(faces) and not is_small_hull(vertices, faces):

@@ -43,6 +43,8 @@ class Scenery:
         names: Name of each solid.
         dropped: (link, solid) pairs that always touch and are not tested.
         faces: (f, 13) of the convex meshes among the solids [m].
+        loose: (m, 3, 3) corners of each mesh that counts by points [m]; no map keeps
+            them, since what is inside has become points by then.
     """
 
     solids: np.ndarray = field(default_factory=lambda: np.zeros((0, 16)))
@@ -51,6 +53,7 @@ class Scenery:
     names: tuple[str, ...] = ()
     dropped: tuple[tuple[str, str], ...] = ()
     faces: np.ndarray = field(default_factory=lambda: np.zeros((0, 13)))
+    loose: tuple[np.ndarray, ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the arrays; refuse numbers that are not finite: they block nothing."""
@@ -135,7 +138,7 @@ def parse_scenery(
     Raises:
         BadRecipe: An unknown type or key, or a value that makes no solid.
     """
-    made = _Made([], [], [np.zeros((0, 3))], [])
+    made = _Made([], [], [np.zeros((0, 3))], [], [])
     rho = 0.0
     for k, table in enumerate(tables):
         kind, name = _kind_and_name(table, k, _KEYS)
@@ -149,7 +152,8 @@ def parse_scenery(
     rows = np.array(made.rows) if made.rows else np.zeros((0, 16))
     faces = np.concatenate([np.zeros((0, 13)), *made.faces])
     points = np.concatenate(made.points)
-    return Scenery(rows, points, rho, tuple(made.names), faces=faces)
+    names, loose = tuple(made.names), tuple(made.loose)
+    return Scenery(rows, points, rho, names, faces=faces, loose=loose)
 
 
 def shapes_of_tables(
@@ -189,12 +193,13 @@ def _kind_and_name(
 
 @dataclass(frozen=True)
 class _Made:
-    """What the tables come to: rows and names of solids, points, faces of hulls."""
+    """What the tables come to; see `Scenery`."""
 
     rows: list[np.ndarray]
     names: list[str]
     points: list[np.ndarray]
     faces: list[np.ndarray]
+    loose: list[np.ndarray]
 
     def add(self, name: str, shape: Shape, spacing: float) -> float:
         """Add a shape; return the covering radius of its points, 0 for none."""
@@ -219,6 +224,7 @@ class _Made:
         else:
             surface = surface_of(shape, spacing)
             self.points.append(surface.points)
+            self.loose.append(moved_points(shape.vertices, T)[shape.faces])
             return surface.covering_radius
         self.rows.append(row)
         self.names.append(name)

@@ -97,7 +97,7 @@ class Scene:
         name = self._new_name(name)
         made = ShapeGroup(name, _parts(name, thing), self._frame.rho)
         T = np.array(check_pose(np.eye(4) if T is None else T, "T"))
-        standing = _in_reach(made.at(self._in_base(T)))
+        standing = _in_reach(self._standing(made, T))
         with self._frame.memory.owner.changing("scene.add"):
             self._put(made, T, standing)
 
@@ -114,7 +114,7 @@ class Scene:
         self._frame.memory.owner.check()
         made = self._things[self[name].name]
         T = np.array(check_pose(T, "T"))
-        standing = _in_reach(made.at(self._in_base(T)))
+        standing = _in_reach(self._standing(made, T))
         with self._frame.memory.owner.changing("scene.move"):
             self._put(made, T, standing)
 
@@ -166,10 +166,10 @@ class Scene:
         ]
         places = [T @ pose for *_, pose in read]
         for thing, pose in zip(made, places, strict=True):
-            thing.at(self._in_base(pose))  # refuses what is too large
+            self._standing(thing, pose)  # refuses what is too large
         with self._frame.memory.owner.changing("scene.load"):
             for thing, pose in zip(made, places, strict=True):
-                self._put(thing, pose, thing.at(self._in_base(pose)))
+                self._put(thing, pose, self._standing(thing, pose))
         return [thing.name for thing in made]
 
     def save(self, path: str | Path) -> Path:
@@ -195,7 +195,7 @@ class Scene:
             points = np.array(world.points(self._p_world_static))
             things[SET_STATIC] = Standing(SET_STATIC, points, points, NO_SOLIDS)
         for name, one in self._objects.items():
-            things[name] = self._things[name].at(self._in_base(one.T_world_object))
+            things[name] = self._standing(self._things[name], one.T_world_object)
         if things or self._carrier.things:
             self.outside = self._carrier.set_place(things, anew=True)
             self._carrier.items.test_waiting()
@@ -268,6 +268,9 @@ class Scene:
 
     def _in_base(self, T_world: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(self._frame.base_world @ T_world)
+
+    def _standing(self, made: ShapeGroup, T_world: np.ndarray) -> Standing:
+        return made.at(self._in_base(T_world), self._frame.static)
 
     def _put(self, made: ShapeGroup, T_world: np.ndarray, standing: Standing) -> None:
         """Let a thing stand there, where it was or for the first time."""

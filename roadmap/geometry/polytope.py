@@ -20,6 +20,7 @@ MAX_SHELL_VERTICES = 256
 # Hulls of more facets are simplified by at most about 0.2 mm.
 MAX_FACETS = 400
 _ROUNDING = 1e-9
+_MOST = 50_000_000  # products at once, 0.4 GB: a finely meshed ball has 3e9
 # Vertices nearer than 1e-7 m are welded; growing first keeps the shell outside [m].
 _WELDING = 1e-6
 
@@ -62,7 +63,9 @@ def polytope(solid: Solid) -> Polytope:
 def support(solid: Solid, directions: np.ndarray) -> np.ndarray:
     """Return max of n.x over the solid for each unit direction n (m, 3), (m,) [m]."""
     if solid.kind == HULL:
-        return (solid.body_points() @ directions.T).max(axis=0)
+        points = solid.body_points()
+        parts = np.array_split(directions, len(points) * len(directions) // _MOST + 1)
+        return np.concatenate([(points @ part.T).max(axis=0) for part in parts])
     local = directions @ solid.T_body_solid[:3, :3]
     centre = directions @ solid.T_body_solid[:3, 3]
     if solid.kind == BOX:

@@ -132,7 +132,8 @@ def robot_solids(robot: Robot) -> list[Solid]:
 
 def _search(solids: list[Solid], excess: float, more: int = 1) -> np.ndarray:
     """Find a proved cover, coarse then refined, by `more` times the usual samples."""
-    share = 1 / min(len(solids), 8)
+    # of 32 to 400 solids, as of a mesh cut into convex parts, no more in all
+    share = max(min(1.0, 32 / len(solids)) / min(len(solids), 8), 0.01)
     samples = np.vstack([_samples(s, more * share) for s in solids])
     n = int(share * _CANDIDATES)
     grids, pitches = zip(*[grid(s, n) for s in solids], strict=True)

@@ -20,14 +20,27 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 NO_STOP = 1000.0
 # Revolute joints of real arms stop within three turns; degrees do so within 720 [rad].
 MOST_TURNED, MOST_DEGREES = 6.0 * math.pi, 720.0
-_NUMBERS = {  # what is numbers in a link or a joint
-    "origin": ("xyz", "rpy"),
-    "axis": ("xyz",),
-    "limit": ("lower", "upper", "velocity"),
+# How many numbers stand where in a link or a joint; (): that is told elsewhere.
+_NUMBERS: dict[str, dict[str, tuple[int, ...]]] = {
+    "origin": {"xyz": (3,), "rpy": (3,)},
+    "axis": {"xyz": (3,)},
+    "limit": {"lower": (1,), "upper": (1,), "velocity": (1,), "effort": (1,)},
+    "mimic": {"multiplier": (1,), "offset": (1,)},
+    "box": {"size": ()},
+    "cylinder": {"radius": (1,), "length": (1,)},
+    "sphere": {"radius": (1,)},
+    "mesh": {"scale": (1, 3)},
+}
+_SHAPES = {  # what each has to say
     "box": ("size",),
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
-    "mesh": ("scale",),
+    "mesh": ("filename",),
+}
+_ONCE = {  # what is read once, so that a second one would be dropped
+    "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry"),
 }
 
 
@@ -177,7 +190,10 @@ def read_xml(path: Path):
     # files beside pybullet declare this; whatever it is, they are plain XML
     data = re.sub(rb'^(\s*<\?xml version=["\'])0\.\d(?=["\'])', rb"\g<1>1.0", data)
     parser = etree.XMLParser(recover=True, resolve_entities=False)
-    root = etree.fromstring(data, parser) if data.strip() else None
+    try:
+        root = etree.fromstring(data, parser) if data.strip() else None
+    except etree.XMLSyntaxError:  # nothing can be recovered
+        root = None
     bad = [e for e in parser.error_log if "NS_ERR" not in e.type_name]
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
@@ -211,8 +227,8 @@ def well_formed(path: Path) -> bytes:
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
     _check_parts(root, path.name)
-    _check_words(root, path.name)
     _check_numbers(root, path.name)
+    _check_once(root, path.name)
     return etree.tostring(root, encoding="utf-8")
 
 
@@ -236,39 +252,74 @@ def _check_parts(root, filename: str) -> None:
                 )
 
 
-def _check_words(root, filename: str) -> None:
-    """Refuse what is no number where links and joints have numbers; name its line."""
+def _check_once(root, filename: str) -> None:
+    """Refuse what holds two things where one is read, and shapes not known."""
+    from lxml import etree
+
+    for part in _parts_of(root, *_ONCE):
+        for tag in _ONCE[part.tag]:
+            where, found = _where(part, filename), part.findall(tag)
+            if len({etree.tostring(one, with_tail=False) for one in found}) > 1:
+                raise BadRobot(
+                    f"{where} holds {len(found)} <{tag}>, of which one would be read; "
+                    f"leave one there, and give any other a <{part.tag}> of its own"
+                )
+            if tag == "geometry" and not found:
+                raise BadRobot(f"{where} holds no <geometry>; give it one")
+    for part in _parts_of(root, "geometry"):
+        # comments have no tag of text; of what is drawn the colour is not read
+        shapes = [s for s in part if isinstance(s.tag, str) and s.tag != "material"]
+        tags = ", ".join(f"<{shape.tag}>" for shape in shapes)
+        if len(shapes) != 1 or shapes[0].tag not in _SHAPES:
+            raise BadRobot(
+                f"{_where(part, filename)} holds {tags or 'no shape'}; give it a "
+                "<box>, <cylinder>, <sphere> or <mesh>, and any other one a "
+                f"<{part.getparent().tag}> of its own"
+            )
+        for key in _SHAPES[shapes[0].tag]:
+            if not shapes[0].get(key):
+                raise BadRobot(
+                    f"{_where(shapes[0], filename)} has no {key}; give it one"
+                )
+
+
+def _parts_of(root, *tags: str) -> list:
+    """Return the elements of these tags in links and joints, and those themselves."""
     parts = [*root.findall("link"), *root.findall("joint")]
-    for part in (inner for one in parts for inner in one.iter(*_NUMBERS)):
-        for key in _NUMBERS[part.tag]:
-            for word in (part.get(key) or "").split():
-                if not is_number(word):
-                    raise BadRobot(
-                        f'<{part.tag} {key}="{part.get(key)}"> of {filename}, line '
-                        f"{part.sourceline}, holds {word!r}, which is no number; write "
-                        "numbers like 0.5 with blanks between them, and expand xacro "
-                        "files first"
-                    )
+    return [inner for one in parts for inner in one.iter(*tags)]
+
+
+def _where(part, filename: str) -> str:
+    """Return how messages name an element: its tag, owner, file and line."""
+    own = next(p for p in (part, *part.iterancestors()) if p.tag in ("link", "joint"))
+    of = "" if own is part else f"of {own.tag} "
+    line = f"line {part.sourceline},"
+    return f"<{part.tag}> {of}{own.get('name')!r} in {filename}, {line}"
 
 
 def _check_numbers(root, filename: str) -> None:
-    """Refuse axes and scales that are not three numbers, and angles in degrees."""
-    keys = {"axis": ("xyz", (3,)), "mesh": ("scale", (1, 3)), "origin": ("rpy", ())}
-    for part in root.iter(*keys):
-        key, counts = keys[part.tag]
-        text = part.get(key)
-        numbers = (text or "").split()
-        where = f'<{part.tag} {key}="{text}"> of {filename}, line {part.sourceline},'
-        if not counts:
-            if any(_is_beyond(n) for n in numbers):
+    """Refuse what is no number where links and joints have numbers, and degrees."""
+    for part in _parts_of(root, *_NUMBERS):
+        for key, counts in _NUMBERS[part.tag].items():
+            text = part.get(key)
+            words = (text or "").split()
+            where = (
+                f'<{part.tag} {key}="{text}"> of {filename}, line {part.sourceline},'
+            )
+            for word in words:
+                if not is_number(word):
+                    raise BadRobot(
+                        f"{where} holds {word!r}, which is no number; write numbers "
+                        "like 0.5 with blanks between them, and expand xacro files "
+                        "first"
+                    )
+            if counts and text is not None and len(words) not in counts:
+                wanted = "three" if 3 in counts else "one"
+                raise BadRobot(f"{where} holds {len(words)} numbers; give {wanted}")
+            if key == "rpy" and any(abs(float(n)) > MOST_TURNED for n in words):
                 raise BadRobot(f"{where} looks like degrees; give radians")
-        elif text is not None and len(numbers) not in counts:
-            raise BadRobot(f"{where} holds {len(numbers)} numbers; give three")
-
-
-def _is_beyond(number: str) -> bool:
-    """Return whether an angle [rad] turns so far that it must be in degrees."""
-    return is_number(number) and abs(float(number)) > MOST_TURNED
+            if part.tag == "mimic" and not all(math.isfinite(float(n)) for n in words):
+                raise BadRobot(f"{where} is not finite; give a finite number")
 
 
 def _is_xacro(tag: str) -> bool:

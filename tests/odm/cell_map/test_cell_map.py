@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+import trimesh
 from naive_cells import edge_cells, occupied_cells
 from small import small_recipe
 
@@ -182,6 +183,23 @@ def test_a_grid_of_more_blocks_than_16_bits_count_works_the_same(small_map, rng)
     occupied = occupied_cells(fine, points)
     assert all(edge_cells(fine, e) & occupied for e in rng.choice(invalid, 12))
     assert not any(edge_cells(fine, e) & occupied for e in rng.choice(valid, 12))
+
+
+def test_what_holds_the_whole_robot_blocks_every_configuration(small_map, tmp_path):
+    """Its surface is near no link; the map said that all is free."""
+    from dataclasses import replace
+
+    ball = trimesh.creation.icosphere(3, 3.0)
+    ball.vertices[ball.vertices[:, 2].argmax()] *= 0.9  # not convex: held by points
+    ball.export(tmp_path / "ball.stl")
+    around = {
+        "type": "mesh",
+        "file": str(tmp_path / "ball.stl"),
+        "covering_radius": 0.1,
+    }
+    recipe = replace(small_recipe(), scenery=(around,))
+    with pytest.raises(BuildRefused, match="only 0 of .* check the scenery"):
+        odm.build_map(recipe, robot=small_map.robot)
 
 
 @pytest.mark.parametrize(

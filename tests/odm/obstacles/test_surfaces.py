@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import odm.obstacles.shapes as shapes
+from odm.obstacles.mesh_surface import is_inside
 from odm.obstacles.surfaces import (
     Surface,
     require_covering,
@@ -327,3 +328,15 @@ def test_a_mesh_much_finer_than_its_points_takes_little_and_is_covered(rng):
     surface = trimesh.Trimesh(np.vstack(many), faces, process=False)
     places, _ = trimesh.sample.sample_surface(surface, 4000, seed=1)
     assert cKDTree(points).query(places)[0].max() <= radius + 1e-9
+
+
+def test_what_a_mesh_holds_is_inside(rng):
+    """A ring: its hole, and what is between its bounds and itself, is outside."""
+    ring = trimesh.creation.torus(0.5, 0.2, 48, 32)
+    T = random_pose(rng)
+    triangles = trimesh.transform_points(ring.vertices, T)[ring.faces]
+    points = rng.uniform(-0.8, 0.8, (400, 3))
+    across = np.hypot(np.linalg.norm(points[:, :2], axis=1) - 0.5, points[:, 2])
+    sure = np.abs(across - 0.2) > 0.01  # the facets of its faces lie between
+    found = is_inside(triangles, trimesh.transform_points(points, T))
+    assert np.array_equal(found[sure], (across < 0.2)[sure]) and 20 < found.sum() < 380

@@ -53,6 +53,34 @@ def bent_mesh():
     return Mesh(both.vertices, both.faces)
 
 
+def around_all(radius):
+    """Return a ball of many faces with a dent, which holds the whole robot."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(3, radius)
+    vertices = np.array(ball.vertices)
+    vertices[vertices[:, 2].argmax()] *= 0.9
+    return Mesh(vertices, ball.faces)
+
+
+@pytest.mark.parametrize("moved", ["add", "move", "base"])
+def test_a_mesh_around_the_whole_robot_blocks(planner, moved):
+    """Its surface is near no link; what it holds was free."""
+    far = pose_of([9.0, 0.0, 0.0], np.zeros(3))
+    place = np.eye(4) if moved == "add" else far
+    planner.set_goals([AWAY])
+    planner.scene.add("ball", around_all(3.0), place)
+    if moved == "move":
+        planner.scene.move("ball", np.eye(4))
+    elif moved == "base":
+        planner.set_base(far)
+    answer = planner.step(NOBODY, q=HOME)
+    assert answer.status == "holding" and "would touch ball" in answer.reason
+    assert not planner.is_free(HOME, AWAY) and planner.memory.graph.closed.all()
+    planner.scene.move("ball", pose_of([0.0, 30.0, 0.0], np.zeros(3)))
+    assert planner.step(NOBODY, q=HOME).status != "holding"
+
+
 def test_a_change_closes_just_what_its_shapes_touch(planner, rng):
     """Cells at first, in the end what the close test finds, whatever came before."""
     scene, closed = planner.scene, planner.memory.graph.closed

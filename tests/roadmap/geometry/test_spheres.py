@@ -10,6 +10,7 @@ from nearest import out_of_spheres
 from roadmap import load_robot
 from roadmap.errors import BadRobot
 from roadmap.geometry import _spheres as kernels
+from roadmap.geometry import polytope, spheres
 from roadmap.geometry.polytope import MAX_SHELL_VERTICES, depth, shell, support
 from roadmap.geometry.solid_samples import grid, surface
 from roadmap.geometry.solids import Solid
@@ -224,6 +225,34 @@ def test_a_shell_contains_its_solid_and_sticks_out_little(kind, rng):
         assert over.min() >= 0
         assert over.max() <= (0.08 * solid.size[0] if kind == SPHERE else 0.015)
         assert len(vertices) <= MAX_SHELL_VERTICES
+
+
+def test_a_link_of_many_solids_is_held_by_no_more_samples(monkeypatch):
+    asked = []
+
+    class Counted(_Sampled):
+        def __init__(self, points, *rest):
+            asked.append(len(points))
+            super().__init__(points, *rest)
+
+    monkeypatch.setattr(spheres, "_Sampled", Counted)
+    for n in (32, 128):
+        poses = np.tile(np.eye(4), (n, 1, 1))
+        poses[:, :2, 3] = [(0.02 * (k % 8), 0.02 * (k // 8)) for k in range(n)]
+        cubes = [Solid(BOX, 0, T, (0.02, 0.02, 0.02)) for T in poses]
+        cover = cover_solids(cubes, 0.05)
+        corners = poses[:, :3, 3] + np.array([0.01, 0.01, -0.01])
+        assert out_of_spheres(corners, cover).max() <= 0
+    assert asked[1] < 1.5 * asked[0]
+
+
+def test_a_fine_hull_is_measured_in_parts(rng, monkeypatch):
+    solid, directions = make_solid(HULL, rng), rng.normal(size=(50, 3))
+    whole = support(solid, directions)
+    monkeypatch.setattr(polytope, "_MOST", 7 * len(solid.points))
+    np.testing.assert_allclose(support(solid, directions), whole, rtol=1e-12)
+    monkeypatch.setattr(polytope, "_MOST", 1)
+    np.testing.assert_allclose(support(solid, directions), whole, rtol=1e-12)
 
 
 def test_a_box_is_its_own_shell():

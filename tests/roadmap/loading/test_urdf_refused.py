@@ -25,7 +25,8 @@ def test_a_missing_file_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "<robot name='x'>", "<robot><link name='a'></robot>", "not xml"]
+    "text",
+    ["", "<robot name='x'>", "<robot><link name='a'></robot>", "not xml", "\0\1\2"],
 )
 def test_broken_xml_is_refused_not_repaired(text, tmp_path):
     (tmp_path / "r.urdf").write_text(text)
@@ -159,6 +160,50 @@ def test_shapes_that_are_not_understood_are_refused_not_skipped(arm):
     refuses(arm('<box size="0.1 0.1"/>'), "sizes must be")
     refuses(arm('<sphere radius="0"/>'), "sizes must be")
     refuses(arm('<cylinder radius="-1" length="1"/>'), "sizes must be")
+
+
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        (f"<geometry>{BALL}<box size='1 1 1'/></geometry>", "<sphere>, <box>; give it"),
+        (
+            f"<geometry>{BALL}</geometry><geometry><box size='1 1 1'/></geometry>",
+            "2 <g",
+        ),
+        (f'<origin/><origin xyz="1 0 0"/><geometry>{BALL}</geometry>', "2 <origin>"),
+        ("<geometry/>", "<geometry> of link 'arm' in .*, line 1, holds no shape; give"),
+        ("", "<collision> of link 'arm' in .* holds no <geometry>; give it one"),
+        ('<geometry><cylinder radius="1"/></geometry>', "'arm' .* has no length; give"),
+        ("<geometry><mesh/></geometry>", "<mesh> of link 'arm' in .* has no filename"),
+    ],
+)
+def test_a_shape_is_never_dropped_beside_another(urdf, link, joint, inside, told):
+    arm = f'<link name="arm"><collision>{inside}</collision></link>'
+    refuses(urdf(link("base") + arm + joint("turn", "revolute", "base", "arm")), told)
+
+
+def test_of_two_axes_none_is_chosen(arm):
+    twice = '<axis xyz="0 0 1"/>'
+    assert load_robot(arm(BALL, inside=twice), **COARSE).dof == 1  # it is the same
+    refuses(arm(BALL, inside='<axis xyz="1 0 0"/>'), "'turn' in .* holds 2 <axis>")
+
+
+@pytest.mark.parametrize("xyz", ["0.3", "0 0", "0 0 0.3 1", ""])
+def test_a_place_of_other_than_three_numbers_is_refused(urdf, link, joint, xyz):
+    body = link("base", BALL) + link("arm", BALL, xyz=xyz)
+    file = urdf(body + joint("turn", "revolute", "base", "arm"))
+    refuses(file, f'<origin xyz="{xyz}"> of .* holds . numbers; give three')
+
+
+@pytest.mark.parametrize("given", ['multiplier="nan"', 'offset="inf"'])
+def test_a_follower_by_what_is_not_finite_is_refused(urdf, link, joint, given):
+    body = link("base") + link("a", BALL) + link("b", BALL)
+    follow = f'<mimic joint="j" {given}/>'
+    body += joint("j", "revolute", "base", "a")
+    body += joint("k", "revolute", "a", "b", inside=follow)
+    refuses(urdf(body), f"<mimic {given}> of .* is not finite; give a finite number")
+    word = given.partition('"')[0] + '"two"'
+    refuses(urdf(body.replace(given, word)), "holds 'two', which is no number")
 
 
 def test_broken_trees_are_refused(urdf, link, joint):
