@@ -6,8 +6,10 @@ What a clock or the machine tells is left out of what the commands say.
 
 import contextlib
 import hashlib
+import importlib
 import io
 import json
+import math
 import os
 import re
 import runpy
@@ -93,6 +95,8 @@ def command(*words: object) -> tuple[int, str, str]:
     """Run a command line as `odm` would; return exit code, output and errors."""
     said, complained, code = io.StringIO(), io.StringIO(), 0
     before, sys.argv = sys.argv, ["odm", *map(str, words)]
+    with contextlib.suppress(ImportError):  # no signs of life: they follow the clock
+        importlib.import_module("sim.terminal.progress").FIRST_S = math.inf
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(complained):
             runpy.run_module("sim", run_name="__main__")
@@ -116,10 +120,9 @@ def told_by(*words: object) -> Lines:
 
 
 def _sentences(at: str, text: str, whole: bool = False) -> Lines:
-    """Yield the errors that a command told, or all it said but the signs of life."""
+    """Yield the errors that a command told, or all it said."""
     for line in text.splitlines():
-        told = whole and line.strip() and not line.startswith("starting: ")
-        if line.startswith("odm:") or told:
+        if line.startswith("odm:") or (whole and line.strip()):
             yield f"{at}: {' '.join(line.split())}"
 
 
