@@ -1158,6 +1158,7 @@ def test_what_is_older_than_before_stands_back_and_what_cannot_be_holds(maps):
     ):
         _, held = update(stamp)
         assert held and words in story.reason
+        assert story._last.dt == 0.0  # nobody knows where they are: no limit runs
         assert not np.isfinite(story._last.threat.between(0.0, 0.0)[1]) or stamp == last
     with pytest.raises(BadInput, match="stamp"):
         sim.StoryFrame(0.0, human, stamp="now")
