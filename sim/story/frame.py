@@ -241,8 +241,8 @@ class Sight:
         there.labels = {"capsules": words[: len(there)]}
         everything = there.capsules
         threat, stamp = None, frame.seen_at
+        age = 0.0 if frame.stamp is None else frame.now - stamp
         if len(everything):
-            age = 0.0 if frame.stamp is None else frame.now - stamp
             threat = self._watcher.look(everything, stamp, age)
         speed = self.speed_of_object(frame)
         if loose:
@@ -250,7 +250,7 @@ class Sight:
         near = rows[hand]
         gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
         who = threat, len(rows), labels, hand, arm
-        times = dt if sound else 0.0, stamp
+        times = dt if sound and self._is_fresh(age) else 0.0, stamp
         asked = self.settings.direction == "give"
         gaps = gap, self._instead(rows, labels) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
@@ -263,6 +263,10 @@ class Sight:
         last = self._sound
         told = frame.stamp is not None and last is not None
         return told and frame.stamp <= last.stamp
+
+    def _is_fresh(self, age: float) -> bool:
+        """Whether the planner takes what is so old [s], and not of the future."""
+        return 0.0 <= age <= self.hand.planner.settings.max_age_s
 
     def _lacks_object(self, frame: StoryFrame) -> bool:
         """Whether what stood or was held out in the frame before is not seen now."""
@@ -280,8 +284,8 @@ class Sight:
         if last is None or (last.obj is not None and last.loose == held):
             return None
         age = frame.now - last.stamp
-        fresh = age <= self.hand.planner.settings.max_age_s
-        if not (0.0 <= age and (fresh or self._was_told(frame))):
+        fresh = self._is_fresh(age)
+        if not (fresh or age >= 0.0 and self._was_told(frame)):
             return None
         threat = last.threat
         if threat is not None:
