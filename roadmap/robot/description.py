@@ -200,8 +200,9 @@ def read_xml(path: Path):
         raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
     for part in root.iter("{*}*"):
         # <robot xmlns="http://drake.mit.edu"> is a robot; ROS knows no name spaces
-        if part.prefix is None and not _is_xacro(part.tag):
-            part.tag = part.tag.rpartition("}")[2]
+        space, _, name = part.tag.rpartition("}")
+        if space and part.prefix is None and not _is_xacro(part.tag):
+            part.tag = name
     etree.cleanup_namespaces(root)
     return root
 
