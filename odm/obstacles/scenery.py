@@ -17,6 +17,7 @@ from roadmap.errors import BadInput, BadRecipe
 from roadmap.ranges import check_rpy, is_between
 from roadmap.transforms import moved_points, pose_of, pose_with
 
+FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
 # first number of a row; see `solid_distance` in odm/close_test/_static.py
 PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0
 _ROUND = {"type", "name", "radius", "position", "covering_radius"}
@@ -148,6 +149,7 @@ def parse_scenery(
             continue
         spacing = _number(table, k, "covering_radius", 0.01, 1e-4, 0.5)
         for label, shape in _shapes_of(table, k, kind, name, folder, meshes):
+            _check_place(k, label, shape)
             rho = max(rho, made.add(label, shape, spacing))
     rows = np.array(made.rows) if made.rows else np.zeros((0, 16))
     faces = np.concatenate([np.zeros((0, 13)), *made.faces])
@@ -261,6 +263,11 @@ def _shapes_of(
             objects = read_scene(file)
         except BadInput as error:
             raise BadRecipe(f"scenery {k}: {error}") from error
+        if not any(shapes for _, shapes, _ in objects):
+            raise BadRecipe(
+                f"scenery {k}: {file} holds no shapes, so nothing would stand there; "
+                "put some in, or leave it out"
+            )
         return [
             (label, shape.moved(pose @ T))
             for label, shapes, T in objects
@@ -272,6 +279,22 @@ def _shapes_of(
         sizes.append(_number(table, k, "length", None, least, 1e3))
     make = {"sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}[kind]
     return [(name, make(*sizes, _pose(table, k)))]
+
+
+def _check_place(k: int, name: str, shape: Shape) -> None:
+    """Refuse what stands so far away that its unit must be another one."""
+    if isinstance(shape, Mesh):
+        size = np.linalg.norm(shape.vertices, axis=1).max()
+    elif isinstance(shape, Box):
+        size = 0.5 * np.linalg.norm(shape.size)
+    else:
+        size = shape.radius + 0.5 * getattr(shape, "length", 0.0)
+    nearest = np.linalg.norm(shape.T_base_shape[:3, 3]) - size
+    if nearest > FARTHEST:
+        raise BadRecipe(
+            f"scenery {k}: {name!r} would stand {nearest:.0f} m from the robot's base, "
+            f"more than {FARTHEST:g} m; give metres"
+        )
 
 
 def _plane_row(table: dict, k: int) -> np.ndarray:

@@ -13,6 +13,7 @@ from odm.frame.carrying import Carrier
 from odm.frame.frame import Frame
 from odm.frame.place import ShapeGroup, Standing
 from odm.obstacles.scene_files import read_scene, write_scene
+from odm.obstacles.scenery import FARTHEST
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import Surface
 from roadmap.arrays import frozen
@@ -21,7 +22,6 @@ from roadmap.ranges import check_number
 from roadmap.transforms import check_pose
 
 LONGEST_NAME = 200
-FARTHEST = 100.0  # [m] beyond it a pose is taken for one in another unit
 _SHAPES = (Box, Capsule, Cylinder, Mesh, Sphere)
 
 
@@ -166,7 +166,7 @@ class Scene:
         ]
         places = [T @ pose for *_, pose in read]
         for thing, pose in zip(made, places, strict=True):
-            self._standing(thing, pose)  # refuses what is too large
+            _in_reach(self._standing(thing, pose))  # refuses what is too large, too
         with self._frame.memory.owner.changing("scene.load"):
             for thing, pose in zip(made, places, strict=True):
                 self._put(thing, pose, self._standing(thing, pose))

@@ -198,6 +198,12 @@ def read_xml(path: Path):
     if root is None or bad:
         where = f"line {bad[0].line}: {bad[0].message}" if bad else "it is empty"
         raise BadRobot(f"{path.name} is not well-formed XML ({where}); repair the file")
+    for part in root.iter("{*}*"):
+        # <robot xmlns="http://drake.mit.edu"> is a robot; ROS knows no name spaces
+        space, _, name = part.tag.rpartition("}")
+        if space and part.prefix is None and not _is_xacro(part.tag):
+            part.tag = name
+    etree.cleanup_namespaces(root)
     return root
 
 

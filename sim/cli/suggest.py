@@ -16,7 +16,7 @@ from odm.cell_map.build import robot_of
 from odm.cell_map.chunk_work import StaticTestSpec, static_test
 from odm.cell_map.estimate import free_memory
 from odm.cell_map.sweep import sweep_roadmap
-from odm.close_test.static import StaticTest, always_touching
+from odm.close_test.static import StaticTest, always_touching, with_insides
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import parse_scenery
 from roadmap.chunks import Threads
@@ -114,6 +114,7 @@ def probe_roadmap(robot: Robot, recipe: Recipe) -> Probe:
     """Sample as a build would; connect and test a part of it, and measure the time."""
     settings = recipe.roadmap
     scenery = parse_scenery(recipe.scenery, recipe.folder)
+    scenery = with_insides(robot, scenery)
     scenery = always_touching(robot, scenery, recipe.safety)
     test = static_test(StaticTestSpec(robot, scenery, recipe.safety))
     chunks = draw(robot, settings.sampling, settings.seed, settings.nodes, None)

@@ -171,6 +171,33 @@ def test_a_table_of_no_known_type_is_refused(table):
         parse_scenery((table,))
 
 
+@pytest.mark.parametrize("table", [BOX, SPHERE, CAPSULE, CYLINDER])
+def test_what_stands_far_away_is_in_another_unit(table):
+    there = {**table, "position": [95.0, 0.0, 0.0]}
+    assert len(parse_scenery((there,)).solids) == 1
+    told = r"scenery 0: .* would stand 1.. m from the robot's base, more than 100 m"
+    with pytest.raises(BadRecipe, match=told):
+        parse_scenery(({**table, "position": [0.0, 180.0, 0.0]},))
+
+
+@pytest.mark.parametrize("shift", [120.0, 800.0])
+def test_a_cell_in_millimetres_is_not_built_beside_the_robot(tmp_path, shift):
+    (tmp_path / "mm.scene").write_text(
+        f"s\n* box\n{shift} 0 0\n0 0 0 1\n1\nbox\n20 20 20\n0 0 0\n0 0 0 1\n"
+        "0 0 0 0\n0\n.\n"
+    )
+    with pytest.raises(BadRecipe, match="'box' would stand .* give metres"):
+        parse_scenery(({"type": "file", "file": "mm.scene"},), tmp_path)
+
+
+def test_a_scene_of_nothing_is_no_scenery(tmp_path):
+    table = {"type": "file", "file": "empty.scene"}
+    for text in ("empty\n.\n", "one\n* it\n0 0 0\n0 0 0 1\n0\n0\n.\n"):
+        (tmp_path / "empty.scene").write_text(text)
+        with pytest.raises(BadRecipe, match="holds no shapes, so nothing would stand"):
+            parse_scenery((table,), tmp_path)
+
+
 def test_a_normal_of_any_length_is_one(rng):
     for length in (1e-200, 1e-9, 7.0, 900.0):
         row = parse_scenery(({"type": "plane", "normal": [0, 0, length]},)).solids[0]

@@ -357,3 +357,12 @@ def test_a_bad_call_is_told_and_changes_nothing(planner, call, told):
         call(planner.scene)
     assert before == (planner.scene.identity(), planner.memory.graph.closed.tobytes())
     planner.scene.move("there", np.eye(4))
+
+
+def test_a_file_in_millimetres_is_refused_whole(planner, tmp_path):
+    row = "1\nbox\n2 2 2\n0 0 0\n0 0 0 1\n0 0 0 0\n0\n"
+    near, far = "0 0 900\n0 0 0 1\n", "900 0 0\n0 0 0 1\n"
+    (tmp_path / "mm.scene").write_text(f"s\n* a\n{near}{row}* b\n{far}{row}.\n")
+    with pytest.raises(BadInput, match="'a' would stand .* give its pose"):
+        planner.scene.load(tmp_path / "mm.scene")
+    assert not len(planner.scene)

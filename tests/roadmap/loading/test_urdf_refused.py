@@ -50,6 +50,16 @@ def test_elements_that_xacro_should_have_expanded_are_not_dropped(urdf, link, na
     refuses(file, "still has the element <xacro:gripper>.*run xacro first")
 
 
+def test_a_default_name_space_is_passed_over_but_for_that_of_xacro(arm):
+    file = arm(BALL)
+    plain = file.read_text()
+    file.write_text(plain.replace("<robot", '<robot xmlns="http://drake.mit.edu"'))
+    assert load_robot(file, **COARSE).dof == 1
+    xacro = "http://www.ros.org/wiki/xacro"
+    file.write_text(plain.replace("<robot", f'<robot xmlns="{xacro}"'))
+    refuses(file, "still has the element <xacro:robot>")
+
+
 def test_what_is_no_path_and_no_number_is_refused(arm):
     refuses(b"arm.urdf", "b'arm.urdf' .bytes.; give a name")
     refuses(arm(BALL), "cannot be locked at 90: .*give a number", locked={"turn": "90"})
