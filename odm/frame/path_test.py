@@ -12,7 +12,7 @@ from odm.frame.last_phase import LastPhase
 from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import unwrapped
+from roadmap.kinematics.forward import turns, unwrapped
 from roadmap.ranges import is_real, told
 
 
@@ -36,12 +36,13 @@ class PathTest:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
         path = check_path(frame.robot, path)
-        if frame.robot.continuous.any():
+        if turns(frame.robot):
             path = unwrapped(frame.robot, path)
-        if np.ndim(extra) > 0:
-            raise BadInput("extra is an array; give metres, and points after it")
-        if not (isinstance(extra, np.ndarray) or is_real(extra)):
-            raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
+        if not is_real(extra):
+            if np.ndim(extra) > 0:
+                raise BadInput("extra is an array; give metres, and points after it")
+            if not isinstance(extra, np.ndarray):
+                raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
         least = -(frame.cell_map.safety.m + frame.extra)
         if -math.inf < extra < least - 1e-9:
             raise BadInput(

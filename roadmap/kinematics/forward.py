@@ -1,5 +1,7 @@
 """Forward kinematics of a Robot, and bounds on how far its points can move."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from roadmap.arrays import writable
@@ -40,13 +42,19 @@ def cover_balls(robot: JointTree, q: np.ndarray) -> np.ndarray:
     return balls
 
 
+@lru_cache(maxsize=16)
+def turns(robot: JointTree) -> bool:
+    """Return whether any of its joints turns without end."""
+    return bool(robot.continuous.any())
+
+
 def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
     """Return `q_to - q_from`, (..., dof); continuous joints by the shorter turn."""
     dq = np.asarray(q_to, float) - np.asarray(q_from, float)
-    if not robot.continuous.any():
+    if not turns(robot):
         return dq
-    turns = np.round(dq / (2 * np.pi))
-    return np.where(robot.continuous, dq - 2 * np.pi * turns, dq)
+    whole = np.round(dq / (2 * np.pi))
+    return np.where(robot.continuous, dq - 2 * np.pi * whole, dq)
 
 
 def unwrapped(robot: JointTree, path: np.ndarray) -> np.ndarray:
@@ -61,10 +69,10 @@ def wrapped(robot: JointTree, q: np.ndarray) -> np.ndarray:
 
     Those that are there already stay as they are, to the last bit.
     """
-    if not robot.continuous.any():
+    if not turns(robot):
         return np.array(q, float)
-    turns = np.floor((q + np.pi) / (2 * np.pi))
-    return np.where(robot.continuous, q - 2 * np.pi * turns, q)
+    whole = np.floor((q + np.pi) / (2 * np.pi))
+    return np.where(robot.continuous, q - 2 * np.pi * whole, q)
 
 
 def motion_per_joint(

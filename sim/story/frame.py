@@ -15,7 +15,7 @@ from handover.human.human import Human
 from odm.execution.threat import Threat, Watcher, age_of
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, beads, least_gap, moved_rods
 from roadmap.ranges import check_kind
 from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
@@ -229,7 +229,7 @@ class Sight:
         if loose:
             threat = self._as_it_stands(frame, threat, obj, speed, dt)
         near = rows[hand]
-        gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
+        gap = np.inf if obj is None else least_gap(near, obj)
         who = threat, len(rows), labels, hand, arm
         times = dt if sound else 0.0, frame.now
         asked = self.settings.direction == "give"
@@ -361,11 +361,6 @@ class Sight:
 def are_sound(rows: np.ndarray) -> bool:
     """Whether capsules (k, 7) are those of somebody: finite, each with a radius."""
     return bool(np.isfinite(rows).all() and (rows[:, 6] > 0.0).all())
-
-
-def smallest_gap(hand: np.ndarray, obj: np.ndarray) -> float:
-    """Return the distance of hand and object, both (k, 7) capsules [m]."""
-    return min(capsule_gap(a, b) for a in hand for b in obj)
 
 
 def covering_balls(rods: np.ndarray) -> np.ndarray:

@@ -27,14 +27,14 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, least_gap
 from roadmap.kinematics.forward import cover_balls, difference
 from roadmap.motion.motion import SetPoint
 from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound, smallest_gap
+from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -537,7 +537,7 @@ class Handover:
         hands = np.isin(seen.labels, _HANDS)
         if obj is None or not hands.any():
             return False
-        return bool(smallest_gap(seen.person[hands], obj) > self.settings.gone)
+        return least_gap(seen.person[hands], obj) > self.settings.gone
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""
