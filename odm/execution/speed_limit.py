@@ -37,6 +37,7 @@ from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 
 NOBODY = np.zeros((0, 7))
+_STILL = 1e-300  # [rad or m] a joint that moves by less does not move
 _SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
 
@@ -96,11 +97,13 @@ class SpeedLimit:
         speed_scale: float,
         threat: Threat,
         hands: np.ndarray | None = None,
+        people: int | None = None,
     ) -> float:
         """Return the share of `speed_scale` that is allowed now, in (0, 1].
 
-        At time t [s] on the motion in use, beside the person as seen now and `hands`
-        (k, 7), capsules of hands that take part [m]; None: none does.
+        At time t [s] on the motion in use, beside the person as seen now, the first
+        `people` parts of `threat` (None: all), and `hands` (k, 7), capsules of hands
+        that take part [m]; None: none does.
         """
         if t >= motion.duration:
             return 1.0
@@ -110,16 +113,15 @@ class SpeedLimit:
         far = np.abs(step)
         if not far.max() > 1e-9:
             return 1.0
-        with np.errstate(divide="ignore"):
-            full = (speed_scale * self.robot.max_velocity / far).min()
+        full = (speed_scale * self.robot.max_velocity / np.maximum(far, _STILL)).min()
         # a small step, so that the velocities are those of this moment
         short = 1e-3 / far.max()
         balls = cover_balls(self.robot, here)
         ahead = sphere_centers(self.robot, here + short * step)
-        rates = threat.velocity.reshape(-1, 6)
-        if not threat.known.all():
-            rates = np.where(threat.known[:, None], rates, np.nan)
-        person = writable(threat.capsules), writable(rates)
+        rates, known = threat.velocity[:people].reshape(-1, 6), threat.known[:people]
+        if not known.all():
+            rates = np.where(known[:, None], rates, np.nan)
+        person = writable(threat.capsules[:people]), writable(rates)
         hands = NOBODY if hands is None else writable(hands)
         moves = balls, ahead, float(full / short), self._moving
         return allowed_share(*moves, *person, hands, self._rule)

@@ -22,7 +22,8 @@ def tool_pose(robot: JointTree, q: np.ndarray) -> np.ndarray:
     Raises:
         BadConfiguration: Wrong length or not finite.
     """
-    return body_frames(robot, checked(robot, q))[robot.tip_body] @ robot.T_body_tip
+    flat = _flat_frames(robot, checked(robot, q))[robot.tip_body]
+    return pose_of_flat(flat) @ robot.T_body_tip
 
 
 def sphere_centers(robot: JointTree, q: np.ndarray) -> np.ndarray:

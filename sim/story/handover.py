@@ -310,9 +310,7 @@ class Handover:
         executor, share = self.executor, 1.0
         if not executor.at_rest:
             moves = executor.motion, executor.t, executor.settings.speed_scale
-            alone = seen.people == len(threat.error)
-            person = threat if alone else threat.of(slice(seen.people))
-            share = limit.share(*moves, person, seen.hands)
+            share = limit.share(*moves, threat, seen.hands, seen.people)
         executor.limit_speed(share)
         if self.settings.direction == "give":  # who is gentle comes late to take
             executor.limit_jerk(partial(limit.jerk_share, hands=seen.hands))
