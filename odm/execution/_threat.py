@@ -212,6 +212,20 @@ def write_rates(ends, before, first, passed, rates):
 
 
 @njit(**LEAN)
+def write_likely(capsules, drift, times, rows):
+    """Write where capsules (k, 7) will be at some times (n,) to rows (n * k, 7).
+
+    Their ends go on at `drift` (k, 2, 3) [m/s].
+    """
+    k = capsules.shape[0]
+    for i in range(rows.shape[0]):
+        here, rates = capsules[i % k], drift[i % k]
+        for a in range(6):
+            rows[i, a] = here[a] + times[i // k] * rates[a // 3, a % 3]
+        rows[i, 6] = here[6]
+
+
+@njit(**LEAN)
 def write_sharpest(times, ends, span, noise, most):
     """Raise most (k,) to the largest acceleration of each part's ends [m/s2].
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.execution._speed import allowed_share
+from odm.execution._speed import Mover, share_along
 from odm.execution.settings import AheadSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import writable
@@ -37,7 +37,6 @@ from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
 
 NOBODY = np.zeros((0, 7))
-_STILL = 1e-300  # [rad or m] a joint that moves by less does not move
 _SMALL = 1e-3  # [rad or m] of a path, for the speeds of points along it
 
 
@@ -89,6 +88,12 @@ class SpeedLimit:
         near = [s.hand_near, s.hand_speed, s.body_near, s.body_speed]
         self._rule = np.array([*times, *speeds, *near])
         self._moving = np.flatnonzero(robot.moving)
+        tree = (robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body)
+        given = (np.array(x) for x in (*tree, robot.max_velocity))
+        n = len(robot.spheres)
+        scratch = np.empty(robot.dof), np.empty((len(robot.tree_i), 12))
+        places = np.array(robot.spheres), np.empty((n, 3))
+        self._mover = Mover(*given, self._moving, *scratch, *places)
 
     def share(
         self,
@@ -110,21 +115,13 @@ class SpeedLimit:
         times = t, t + self._ahead.direction_s
         here, there = (motion.path.at(motion.place(x))[0] for x in times)
         step = difference(self.robot, here, there)
-        far = np.abs(step)
-        if not far.max() > 1e-9:
-            return 1.0
-        full = (speed_scale * self.robot.max_velocity / np.maximum(far, _STILL)).min()
-        # a small step, so that the velocities are those of this moment
-        short = 1e-3 / far.max()
-        balls = cover_balls(self.robot, here)
-        ahead = sphere_centers(self.robot, here + short * step)
         rates, known = threat.velocity[:people].reshape(-1, 6), threat.known[:people]
         if not known.all():
             rates = np.where(known[:, None], rates, np.nan)
         person = writable(threat.capsules[:people]), writable(rates)
         hands = NOBODY if hands is None else writable(hands)
-        moves = balls, ahead, float(full / short), self._moving
-        return allowed_share(*moves, *person, hands, self._rule)
+        moves = self._mover, writable(here), step, float(speed_scale)
+        return share_along(*moves, person, hands, self._rule)
 
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
         """Return the share of the jerk limits that is allowed now, in (0, 1].

@@ -63,6 +63,7 @@ from odm.execution._threat import (
     fastest_of,
     follow,
     write_between,
+    write_likely,
     write_rates,
     write_sharpest,
 )
@@ -313,10 +314,10 @@ class Threat:
             return None
         drift = self.velocity if self.drift is None else self.drift
         ahead = age_of(self.age) + np.array(times)
-        rows = np.empty((len(times), *self.capsules.shape))
-        rows[...] = self.capsules
-        rows[:, :, :6] += ahead[:, None, None] * drift.reshape(-1, 6)
-        return Obstacles(capsules=rows.reshape(-1, 7))
+        there = Obstacles(capsules=len(times) * len(self.capsules))
+        parts = writable(self.capsules), writable(drift)
+        write_likely(*parts, ahead, there.capsules)
+        return there
 
     @property
     def leads_on(self) -> bool:
