@@ -122,7 +122,7 @@ def speed_of(velocity, k):
     most = 0.0
     for side in range(2):
         x, y, z = velocity[k, side, 0], velocity[k, side, 1], velocity[k, side, 2]
-        total = x * x + y * y + z * z
+        total = x * x + z * z + y * y  # as numpy adds, for the same bytes as ever
         if not total <= most:  # a NaN stays one
             most = total
     return math.sqrt(most)
@@ -199,7 +199,8 @@ def write_rates(ends, before, first, passed, rates):
 
     Args:
         ends: (k, 2, 3) ends of the capsules now [m].
-        before, first: The same in the later and the earlier of these frames.
+        before: The same in the later of these frames.
+        first: ... and in the earlier one.
         passed: (2,) time since each [s].
         rates: Result: since `before`, then since `first`.
     """

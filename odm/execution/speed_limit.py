@@ -26,12 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.execution._speed import Mover, share_along
+from odm.execution._speed import Mover, fastest_near, share_along
 from odm.execution.settings import AheadSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import writable
-from roadmap.geometry.gaps import ball_gaps
-from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
+from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
 from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
@@ -87,13 +86,18 @@ class SpeedLimit:
         speeds = [s.least_speed, s.unknown_speed]
         near = [s.hand_near, s.hand_speed, s.body_near, s.body_speed]
         self._rule = np.array([*times, *speeds, *near])
-        self._moving = np.flatnonzero(robot.moving)
-        tree = (robot.tree_i, robot.tree_f, robot.spheres, robot.sphere_body)
-        given = (np.array(x) for x in (*tree, robot.max_velocity))
-        n = len(robot.spheres)
-        scratch = np.empty(robot.dof), np.empty((len(robot.tree_i), 12))
-        places = np.array(robot.spheres), np.empty((n, 3))
-        self._mover = Mover(*given, self._moving, *scratch, *places)
+        self._mover = Mover(
+            tree_i=np.array(robot.tree_i),
+            tree_f=np.array(robot.tree_f),
+            spheres=np.array(robot.spheres),
+            body=np.array(robot.sphere_body),
+            max_velocity=np.array(robot.max_velocity),
+            moving=np.flatnonzero(robot.moving),
+            q=np.empty(robot.dof),
+            frames=np.empty((len(robot.tree_i), 12)),
+            balls=np.array(robot.spheres),
+            ahead=np.empty((len(robot.spheres), 3)),
+        )
 
     def share(
         self,
@@ -138,11 +142,7 @@ class SpeedLimit:
         for ahead in self._ahead.jerk_s:
             place = motion.place(min(t + ahead, motion.duration))
             q, direction, _ = path.at(place)
-            balls = cover_balls(self.robot, q)[self._moving]
-            near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
-            if near.any():
-                moved = sphere_centers(self.robot, q + _SMALL * direction)
-                moved = (moved[self._moving] - balls[:, :3])[near] / _SMALL
-                fastest = np.sqrt(np.einsum("ni,ni->n", moved, moved).max())
-                most = max(most, float(fastest * path.j[path.index(place)]))
+            moves = self._mover, writable(q), writable(direction), writable(hands)
+            fastest: float = fastest_near(*moves, float(s.hand_near), _SMALL)
+            most = max(most, fastest * path.j.item(path.index(place)))
         return s.hand_jerk / most

@@ -141,7 +141,9 @@ class LastPhase:
 
         BadInput as `look`.
         """
-        return Keepers(*self._protected(self.frame.cover(), self.links_that_may(phase))[1:])
+        return Keepers(
+            *self._protected(self.frame.cover(), self.links_that_may(phase))[1:]
+        )
 
     def _protected(
         self, cover: Cover, may: set[str]

@@ -388,7 +388,9 @@ def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     least_gap(arm, arm)
     leg = np.array([q, q + 1e-3])
     motion = time_path(planner.robot, leg)
-    SpeedLimit(planner.robot).share(motion, 0.0, 1.0, threat, arm)
+    limit = SpeedLimit(planner.robot)
+    limit.share(motion, 0.0, 1.0, threat, arm)
+    limit.jerk_share(motion, 0.0, arm)
     planner.blocked_leg(leg, 0.0, threat.between(0.0, 0.1)[0])
     ShellTest(planner).passes(motion, 0.0, 0.0, motion.stop(0.0), threat, 0.0)
     # a robot without shells has not come so far

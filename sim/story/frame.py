@@ -385,7 +385,9 @@ def covering_balls(rods: np.ndarray) -> np.ndarray:
 
 def _center(rows: list[list[float]]) -> list[float]:
     """Return the mean (3,) of the ends of capsules (k, 7) [m]."""
-    return [sum(row[a] + row[a + 3] for row in rows) / (2 * len(rows)) for a in range(3)]
+    return [
+        sum(row[a] + row[a + 3] for row in rows) / (2 * len(rows)) for a in range(3)
+    ]
 
 
 def _length(v: np.ndarray) -> float:
