@@ -383,7 +383,7 @@ def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
         threat = watcher.look(arm, now)
-    threat.as_lately()
+    threat.as_lately().likely(0.1)
     ball_gaps(np.array([[0.0, 0.0, 0.0, 0.1]]), arm)
     least_gap(arm, arm)
     leg = np.array([q, q + 1e-3])
