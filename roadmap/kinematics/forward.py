@@ -1,7 +1,5 @@
 """Forward kinematics of a Robot, and bounds on how far its points can move."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from roadmap.arrays import writable
@@ -43,10 +41,9 @@ def cover_balls(robot: JointTree, q: np.ndarray) -> np.ndarray:
     return balls
 
 
-@lru_cache(maxsize=16)
 def turns(robot: JointTree) -> bool:
     """Return whether any of its joints turns without end."""
-    return bool(robot.continuous.any())
+    return True in robot.continuous.tolist()  # of few, a fifth of what `any` takes
 
 
 def difference(robot: JointTree, q_from: np.ndarray, q_to: np.ndarray) -> np.ndarray:
