@@ -16,13 +16,15 @@ _T = TypeVar("_T")
 
 def is_between(value: object, low: float, high: float) -> bool:
     """Return whether a value is a real number from low to high; NaN is not."""
-    if type(value) is not float and not is_real(value):
+    if not is_real(value):
         return False
     return bool(low <= value <= high)  # type: ignore[operator]
 
 
 def is_real(value: object) -> bool:
     """Return whether a value is a number that a float can hold; NaN is, True is not."""
+    if type(value) is float:
+        return True
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     return not isinstance(value, int) or abs(value) <= sys.float_info.max

@@ -11,7 +11,7 @@ from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from odm.close_test.static import StaticTest
-from odm.frame.freedom import check_valid
+from odm.frame.freedom import check_valid, is_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
@@ -193,7 +193,7 @@ class TargetGoals:
             near = self.settings.node_tolerance_m, self.settings.node_tolerance_rad
             for node in self.index.within(T_base_tool, *near):
                 q = self.index.nodes[node]
-                if goal_trouble(self.planner.static, q) is None:
+                if is_valid(self.planner.static, q):
                     self._near[key] = Goal(key, q, NODE, node)
                     break
         return self._near[key]

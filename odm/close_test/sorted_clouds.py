@@ -19,6 +19,7 @@ class SortedCloud:
     def __init__(self, grid: WorkspaceGrid) -> None:
         self.grid = grid
         self.cloud = grid.new_cloud(0)
+        self._n = 0  # points laid out
 
     def of(self, points: np.ndarray) -> object:
         """Return (n, 3) points [m] as a cloud; the one before is overwritten."""
@@ -26,6 +27,10 @@ class SortedCloud:
 
     def of_all(self, points: np.ndarray) -> tuple[object, int]:
         """Return the same and how many are not finite, which are left out."""
-        if len(points) > len(self.cloud.where):
-            self.cloud = self.grid.new_cloud(2 * len(points))
+        n, before = len(points), self._n
+        self._n = n
+        if not n and not before:
+            return self.cloud, 0
+        if n > len(self.cloud.where):
+            self.cloud = self.grid.new_cloud(2 * n)
         return self.cloud, lay_out(points, self.cloud)

@@ -24,10 +24,9 @@ class Ability(NamedTuple):
     """What the parts of a person are able to do from now on."""
 
     capsules: np.ndarray  # (k, 7) where they are [m]
-    rates: np.ndarray  # (k, 6) velocities of the ends, 0 where not known [m/s]
-    speeds: np.ndarray  # (k,) of the faster end of each [m/s]
-    known: np.ndarray  # (k,) whether its velocity is known, bool
-    error: np.ndarray  # (k,) bound on the error of that velocity [m/s]
+    velocity: np.ndarray  # (k, 2, 3) of the ends, which counts where it is known [m/s]
+    # (k,) bound on the error of that velocity; infinite where it is not known [m/s]
+    error: np.ndarray
     most: np.ndarray  # (k,) largest acceleration now [m/s2]
     widening: np.ndarray  # (k,) how fast the radius grows [m/s]
     untouched: np.ndarray  # (k,) for how long nothing accelerates it [s]
@@ -46,6 +45,22 @@ def off(ends, k, before, j, passed, turned):
         if not total <= most:  # a NaN stays one
             most = total
     return math.sqrt(most)
+
+
+@njit(**INNER)
+def is_within(ends, k, before, j, passed, reach):
+    """Return whether part k is within `reach` of where part j was expected [m].
+
+    With its ends in either order: their middle is as near then, mostly that says no.
+    """
+    for a in range(3):
+        there = before.ends[j, 0, a] + passed * before.rate[j, 0, a]
+        there += before.ends[j, 1, a] + passed * before.rate[j, 1, a]
+        if abs(ends[k, 0, a] + ends[k, 1, a] - there) > 2.0 * (reach + _ROUNDING):
+            return False
+    if off(ends, k, before, j, passed, False) <= reach:
+        return True
+    return off(ends, k, before, j, passed, True) <= reach
 
 
 @njit(**LEAN)
@@ -91,24 +106,44 @@ def follow(ends, before, passed, limits, after):
         for j in range(n):
             if fits and j != k and count[j] >= 2:
                 reach = room + slack[j] * passed
-                fits = not (
-                    off(ends, k, before, j, passed, False) <= reach
-                    or off(ends, k, before, j, passed, True) <= reach
-                )
+                fits = not is_within(ends, k, before, j, passed, reach)
         after[k] = (count[k] + 1 if agrees else 2) if fits else 1
 
 
 @njit(**INNER)
-def growth(parts, k, limits, t):
-    """Return how far part k can be from where its velocity leads after t [m]."""
-    if not parts.known[k]:
-        return limits[0] + limits[1] * t
-    pushed = max(0.0, t - parts.untouched[k])
-    near = limits[0] + parts.error[k] * t + 0.5 * parts.most[k] * pushed * pushed
+def is_known(parts, k):
+    """Return whether the velocity of part k is known."""
+    return abs(parts.error[k]) < math.inf
+
+
+@njit(**INNER)
+def speed_of(velocity, k):
+    """Return the speed of the faster end of part k [m/s]."""
+    most = 0.0
+    for side in range(2):
+        x, y, z = velocity[k, side, 0], velocity[k, side, 1], velocity[k, side, 2]
+        total = x * x + z * z + y * y  # as numpy adds, for the same bytes as ever
+        if not total <= most:  # a NaN stays one
+            most = total
+    return math.sqrt(most)
+
+
+@njit(**INNER)
+def growth(parts, k, limits, begin, end):
+    """Return how much larger part k is to be from `begin` to `end`, in s [m].
+
+    That is round where its velocity leads it by the middle of these times.
+    """
+    if not is_known(parts, k):
+        return limits[0] + limits[1] * end
+    speed = speed_of(parts.velocity, k)
+    pushed = max(0.0, end - parts.untouched[k])
+    near = limits[0] + parts.error[k] * end + 0.5 * parts.most[k] * pushed * pushed
     harder = limits[3] * pushed * pushed * pushed / 6.0
     # as fast as a part whose velocity is not known, the other way round
-    fastest = limits[0] + (limits[1] + parts.speeds[k]) * t
-    return max(near, min(near + harder, fastest)) + parts.widening[k] * t
+    fastest = limits[0] + (limits[1] + speed) * end
+    grown = max(near, min(near + harder, fastest)) + parts.widening[k] * end
+    return grown + 0.5 * (end - begin) * speed
 
 
 @njit(**LEAN)
@@ -125,17 +160,70 @@ def write_between(parts, limits, begin, end, rows):
         end: When it ends [s].
         rows: Result.
     """
-    middle, half = 0.5 * (begin + end), 0.5 * (end - begin)
     n = parts.capsules.shape[0]
     for k in range(n):
-        if not growth(parts, k, limits, end) + half * parts.speeds[k] <= limits[2]:
+        if not growth(parts, k, limits, begin, end) <= limits[2]:
             return False
+    middle = 0.5 * (begin + end)
     for k in range(n):
+        known = is_known(parts, k)
         for a in range(6):
-            rows[k, a] = parts.capsules[k, a] + middle * parts.rates[k, a]
-        more = growth(parts, k, limits, end) + half * parts.speeds[k]
+            rate = parts.velocity[k, a // 3, a % 3] if known else 0.0
+            rows[k, a] = parts.capsules[k, a] + middle * rate
+        more = growth(parts, k, limits, begin, end)
         rows[k, 6] = parts.capsules[k, 6] + more
     return True
+
+
+@njit(**LEAN)
+def fastest_of(velocity, error):
+    """Return the highest speed of the parts whose velocity is known [m/s].
+
+    And the largest error of these; 0 where there is none.
+
+    Args:
+        velocity: (k, 2, 3) velocities of the ends [m/s].
+        error: (k,) bounds on their errors, infinite where they are not known [m/s].
+    """
+    speed, worst = 0.0, 0.0
+    for k in range(len(error)):
+        if abs(error[k]) < math.inf:
+            speed = max(speed, speed_of(velocity, k))
+            worst = max(worst, error[k])
+    return speed, worst
+
+
+@njit(**LEAN)
+def write_rates(ends, before, first, passed, rates):
+    """Write (2, k, 2, 3) the mean velocities of parts since two frames [m/s].
+
+    Args:
+        ends: (k, 2, 3) ends of the capsules now [m].
+        before: The same in the later of these frames.
+        first: ... and in the earlier one.
+        passed: (2,) time since each [s].
+        rates: Result: since `before`, then since `first`.
+    """
+    for k in range(ends.shape[0]):
+        for side in range(2):
+            for a in range(3):
+                here = ends[k, side, a]
+                rates[0, k, side, a] = (here - before[k, side, a]) / passed[0]
+                rates[1, k, side, a] = (here - first[k, side, a]) / passed[1]
+
+
+@njit(**LEAN)
+def write_likely(capsules, drift, times, rows):
+    """Write where capsules (k, 7) will be at some times (n,) to rows (n * k, 7).
+
+    Their ends go on at `drift` (k, 2, 3) [m/s].
+    """
+    k = capsules.shape[0]
+    for i in range(rows.shape[0]):
+        here, rates = capsules[i % k], drift[i % k]
+        for a in range(6):
+            rows[i, a] = here[a] + times[i // k] * rates[a // 3, a % 3]
+        rows[i, 6] = here[6]
 
 
 @njit(**LEAN)

@@ -26,12 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.execution._speed import allowed_share
+from odm.execution._speed import Mover, fastest_near, share_along
 from odm.execution.settings import AheadSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import writable
-from roadmap.geometry.gaps import ball_gaps
-from roadmap.kinematics.forward import cover_balls, difference, sphere_centers
+from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
 from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
@@ -87,7 +86,18 @@ class SpeedLimit:
         speeds = [s.least_speed, s.unknown_speed]
         near = [s.hand_near, s.hand_speed, s.body_near, s.body_speed]
         self._rule = np.array([*times, *speeds, *near])
-        self._moving = np.flatnonzero(robot.moving)
+        self._mover = Mover(
+            tree_i=np.array(robot.tree_i),
+            tree_f=np.array(robot.tree_f),
+            spheres=np.array(robot.spheres),
+            body=np.array(robot.sphere_body),
+            max_velocity=np.array(robot.max_velocity),
+            moving=np.flatnonzero(robot.moving),
+            q=np.empty(robot.dof),
+            frames=np.empty((len(robot.tree_i), 12)),
+            balls=np.array(robot.spheres),
+            ahead=np.empty((len(robot.spheres), 3)),
+        )
 
     def share(
         self,
@@ -96,33 +106,26 @@ class SpeedLimit:
         speed_scale: float,
         threat: Threat,
         hands: np.ndarray | None = None,
+        people: int | None = None,
     ) -> float:
         """Return the share of `speed_scale` that is allowed now, in (0, 1].
 
-        At time t [s] on the motion in use, beside the person as seen now and `hands`
-        (k, 7), capsules of hands that take part [m]; None: none does.
+        At time t [s] on the motion in use, beside the person as seen now, the first
+        `people` parts of `threat` (None: all), and `hands` (k, 7), capsules of hands
+        that take part [m]; None: none does.
         """
         if t >= motion.duration:
             return 1.0
         times = t, t + self._ahead.direction_s
         here, there = (motion.path.at(motion.place(x))[0] for x in times)
         step = difference(self.robot, here, there)
-        far = np.abs(step)
-        if not far.max() > 1e-9:
-            return 1.0
-        with np.errstate(divide="ignore"):
-            full = (speed_scale * self.robot.max_velocity / far).min()
-        # a small step, so that the velocities are those of this moment
-        short = 1e-3 / far.max()
-        balls = cover_balls(self.robot, here)
-        ahead = sphere_centers(self.robot, here + short * step)
-        rates = threat.velocity.reshape(-1, 6)
-        if not threat.known.all():
-            rates = np.where(threat.known[:, None], rates, np.nan)
-        person = writable(threat.capsules), writable(rates)
+        rates, known = threat.velocity[:people].reshape(-1, 6), threat.known[:people]
+        if not known.all():
+            rates = np.where(known[:, None], rates, np.nan)
+        person = writable(threat.capsules[:people]), writable(rates)
         hands = NOBODY if hands is None else writable(hands)
-        moves = balls, ahead, float(full / short), self._moving
-        return allowed_share(*moves, *person, hands, self._rule)
+        moves = self._mover, writable(here), step, float(speed_scale)
+        return share_along(*moves, person, hands, self._rule)
 
     def jerk_share(self, motion: Motion, t: float, hands: np.ndarray) -> float:
         """Return the share of the jerk limits that is allowed now, in (0, 1].
@@ -139,11 +142,7 @@ class SpeedLimit:
         for ahead in self._ahead.jerk_s:
             place = motion.place(min(t + ahead, motion.duration))
             q, direction, _ = path.at(place)
-            balls = cover_balls(self.robot, q)[self._moving]
-            near = (ball_gaps(balls, hands) < s.hand_near).any(axis=1)
-            if near.any():
-                moved = sphere_centers(self.robot, q + _SMALL * direction)
-                moved = (moved[self._moving] - balls[:, :3])[near] / _SMALL
-                fastest = np.sqrt(np.einsum("ni,ni->n", moved, moved).max())
-                most = max(most, float(fastest * path.j[path.index(place)]))
+            moves = self._mover, writable(q), writable(direction), writable(hands)
+            fastest: float = fastest_near(*moves, float(s.hand_near), _SMALL)
+            most = max(most, fastest * path.j.item(path.index(place)))
         return s.hand_jerk / most

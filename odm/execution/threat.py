@@ -57,10 +57,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from odm.execution._threat import Ability, Tracks, follow, write_between, write_sharpest
+from odm.execution._threat import (
+    Ability,
+    Tracks,
+    fastest_of,
+    follow,
+    write_between,
+    write_likely,
+    write_rates,
+    write_sharpest,
+)
 from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
-from roadmap.arrays import as_floats
+from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.ranges import CheckedSettings, check_kind, setting, settings_of
 
@@ -305,10 +314,10 @@ class Threat:
             return None
         drift = self.velocity if self.drift is None else self.drift
         ahead = age_of(self.age) + np.array(times)
-        rows = np.empty((len(times), *self.capsules.shape))
-        rows[...] = self.capsules
-        rows[:, :, :6] += ahead[:, None, None] * drift.reshape(-1, 6)
-        return Obstacles(capsules=rows.reshape(-1, 7))
+        there = Obstacles(capsules=len(times) * len(self.capsules))
+        parts = writable(self.capsules), writable(drift)
+        write_likely(*parts, ahead, there.capsules)
+        return there
 
     @property
     def leads_on(self) -> bool:
@@ -318,25 +327,13 @@ class Threat:
     @cached_property
     def fastest(self) -> float:
         """The highest speed of any part [m/s]."""
-        lost = 0.0 if self.known.all() else self._unknown
-        return max(lost, float(self._speeds.max(initial=0.0)))
+        parts = self._ability
+        speed: float = fastest_of(parts.velocity, parts.error)[0]
+        return speed if self.known.all() else max(self._unknown, speed)
 
     @property
     def _unknown(self) -> float:
         return max(self.settings.speed, self.unknown)
-
-    @cached_property
-    def _rates(self) -> np.ndarray:
-        """(k, 6) velocities of the ends, 0 where they are not known [m/s]."""
-        rates = np.where(self.known[:, None, None], self.velocity, 0.0)
-        return rates.reshape(-1, 6)
-
-    @cached_property
-    def _speeds(self) -> np.ndarray:
-        """(k,) speed of the faster end of each, 0 where it is not known [m/s]."""
-        ends = self._rates.reshape(-1, 2, 3)
-        squares = np.einsum("kei,kei->ke", ends, ends)
-        return np.sqrt(squares.max(axis=1, initial=0.0))
 
     @cached_property
     def _ability(self) -> Ability:
@@ -344,11 +341,9 @@ class Threat:
         if most is None:
             most = np.full(n, self.settings.acceleration, float)
         others = (self.widening, self.untouched)
-        none = np.zeros(n)
-        parts = (self.capsules, self._rates, self._speeds, self.known)
-        parts += (np.where(self.known, self.error, 0.0), most)
-        parts += tuple(none if row is None else row for row in others)
-        return Ability(*map(np.ascontiguousarray, parts))
+        parts = (self.capsules, self.velocity, self.error, most)
+        parts += tuple(np.zeros(n) if row is None else row for row in others)
+        return Ability(*map(writable, parts))
 
     @cached_property
     def _room(self) -> Obstacles:
@@ -489,7 +484,7 @@ class Watcher:
         if not sure.all():
             rates = np.where(sure[:, None, None], rates, 0.0)
             error = np.where(sure, error, math.inf)
-        unknown = self._lately(rates[0], sure, now)
+        unknown = self._lately(rates[0], error, now)
         how = (self.settings, rates[1], unknown, tuple(self._past))
         self._told = Threat(
             capsules,
@@ -512,14 +507,13 @@ class Watcher:
         grown = np.maximum(radii - before, 0.0) / passed
         return np.minimum(grown, self.settings.max_plausible_speed)
 
-    def _lately(self, rates: np.ndarray, sure: np.ndarray, now: float) -> float:
+    def _lately(self, velocity: np.ndarray, error: np.ndarray, now: float) -> float:
         """Return how fast a part that was lost may be by now [m/s].
 
         The fastest part of the last fifth of a second counts, with what its velocity
         may be wrong by and what an acceleration can have added.
         """
-        fastest = math.sqrt(np.einsum("kei,kei->ke", rates, rates).max(initial=0.0))
-        fastest += self._slack[sure].max(initial=0.0)
+        fastest: float = sum(fastest_of(velocity, error))
         before, speed = self._fastest
         passed = now - before
         if not 0.0 <= passed <= self.follow.drift_s or fastest >= speed:
@@ -547,28 +541,27 @@ class Watcher:
     def _measure(self, now: float) -> None:
         """Take the velocities of all parts: the best bounded ones, and the drift."""
         s, past = self.settings, self._past
-        last = len(past) - 1
-        n = len(past[-1][1])
+        last, ends = len(past) - 1, past[-1][1]
+        n = len(ends)
         self._rates, self._windows = np.zeros((2, n, 2, 3)), np.zeros(n)
-        self._slack = self._windows + math.inf
-        if not last:
-            return
-        ages = [now - t for t, _ in past]
+        self._slack = np.full(n, math.inf)
         counts = set(self._count.tolist())
         for count in counts:
-            if count < 2:
-                continue
             first = max(0, last + 1 - count)
+            if first >= last:
+                continue
             i = last - 1  # the shortest time is best where nothing is wrong by noise
             if s.noise:
-                error = s.velocity_error
-                i = min(range(i, first - 1, -1), key=lambda k: error(ages[k]))
+                times = range(i, first - 1, -1)
+                i = min(times, key=lambda k: s.velocity_error(now - past[k][0]))
             # mostly all were followed for as long
             these = self._count == count if len(counts) > 1 else slice(None)
-            moved = past[-1][1][these] - past[i][1][these]
-            self._rates[0, these] = moved / ages[i]
-            self._slack[these] = s.velocity_error(ages[i])
-            self._windows[these] = ages[i]
-            # seen for less: it rested before
-            moved = past[-1][1][these] - past[first][1][these]
-            self._rates[1, these] = moved / max(ages[first], self.follow.drift_s)
+            window, longest = now - past[i][0], now - past[first][0]
+            frames = ends[these], past[i][1][these], past[first][1][these]
+            # seen for less than the drift: it rested before
+            passed = np.array([window, max(longest, self.follow.drift_s)])
+            rates = np.empty((2, *frames[0].shape))
+            write_rates(*frames, passed, rates)
+            self._rates[:, these] = rates
+            self._slack[these] = s.velocity_error(window)
+            self._windows[these] = window

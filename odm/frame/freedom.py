@@ -25,6 +25,12 @@ def check_valid(static: StaticTest, q: np.ndarray, name: str) -> None:
         raise BadConfiguration(f"{name} is not free: {why}; choose another one")
 
 
+def is_valid(static: StaticTest, q: np.ndarray) -> bool:
+    """Whether q (dof,) can be a goal: what `check_valid` refuses cannot."""
+    within = np.isfinite(q).all() and outside_limits(static.robot, q, 0.0) is None
+    return bool(within) and static.motion_free(q, np.zeros_like(q))
+
+
 def is_free(
     frame: Frame,
     q_a: np.ndarray,

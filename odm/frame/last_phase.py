@@ -17,6 +17,7 @@ from odm.close_test._arm import Arm
 from odm.close_test._close import FIRST_SOLID
 from odm.close_test.close_test import NO_SOLIDS, CloseTest
 from odm.close_test.sorted_clouds import SortedCloud
+from odm.frame._path_test import Keepers
 from odm.frame.frame import Cover, Frame
 from odm.obstacles._solids import Solids
 from odm.obstacles.grid import WorkspaceGrid
@@ -127,7 +128,7 @@ class LastPhase:
 
         Each with the numbers of its spheres; None: all of the cover's.
         """
-        kept, arm, radii, bare = self._protected_spheres(cover)
+        kept, arm, radii, bare = self._protected(cover, self._may)
         tolerance, work = self.frame.cell_map.motion_tolerance, cover.work
         grown = self.frame.grown
         all_radii = grown(cover.radii, cover.bare, extra)
@@ -135,16 +136,25 @@ class LastPhase:
         few = (arm, grown(radii, bare, extra), tolerance, work, bare + extra)
         return [(CloseTest(*whole), None), (CloseTest(*few), kept)]
 
-    def _protected_spheres(
-        self, cover: Cover
+    def keepers(self, phase: str) -> Keepers:
+        """Return the spheres of the frame's cover that may touch nothing in a phase.
+
+        BadInput as `look`.
+        """
+        return Keepers(
+            *self._protected(self.frame.cover(), self.links_that_may(phase))[1:]
+        )
+
+    def _protected(
+        self, cover: Cover, may: set[str]
     ) -> tuple[np.ndarray, Arm, np.ndarray, np.ndarray]:
-        """Return the spheres that may not touch: numbers, arm, radii and bare radii."""
+        """Return the spheres of links that may not touch: numbers, and `Keepers`."""
         frame, arm = self.frame, cover.arm
-        of = (arm, cover.radii, cover.bare, frozenset(self._may))
+        of = (arm, cover.radii, cover.bare, frozenset(may))
         if self._known is not None and _same(self._known[0], of):
             return self._known[1]
         own = self._gripper()
-        kept = np.array([n not in self._may for n in cover.links], bool)
+        kept = np.array([n not in may for n in cover.links], bool)
         gripper = np.array([n in own for n in cover.links], bool)
         balls = arm.spheres[:, 3] + GRIPPER_KEEPS
         near = np.array([ball + frame.covering(ball) for ball in balls])

@@ -4,15 +4,17 @@ import math
 
 import numpy as np
 
-from odm.checks import check_classes, check_path, check_points
+from odm._groups import new
+from odm.checks import OBJECT, check_classes, check_path, check_points
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.sorted_clouds import SortedCloud
+from odm.frame._path_test import NOTHING, Keepers, Room, blocked_by_shapes
 from odm.frame.frame import Frame
-from odm.frame.last_phase import LastPhase
+from odm.frame.last_phase import TOUCHED, LastPhase
 from odm.obstacles._solids import Solids
-from odm.obstacles.obstacles import Obstacles, SolidRoom
+from odm.obstacles.obstacles import Obstacles, SolidRoom, lent_arrays, some_of
 from roadmap.errors import BadInput
-from roadmap.kinematics.forward import unwrapped
+from roadmap.kinematics.forward import turns, unwrapped
 from roadmap.ranges import is_real, told
 
 
@@ -22,7 +24,17 @@ class PathTest:
     def __init__(self, frame: Frame, last_phase: LastPhase) -> None:
         self.frame, self.last_phase = frame, last_phase
         self._ahead = SortedCloud(frame.cell_map.grid)
+        self._nothing = SortedCloud(frame.cell_map.grid)  # no points
         self._shapes = SolidRoom()
+        self._room = self._room_for(32)
+
+    def _room_for(self, shapes: int) -> Room:
+        """Return room for so many shapes beside the frame's robot."""
+        sizes, memory = {"shapes": shapes, "faces": 0}, self.frame.memory
+        solids = new(Solids, sizes), new(Solids, sizes)
+        n, dof = len(memory.arm.spheres), self.frame.robot.dof
+        rows = np.empty(n), np.empty(n), np.empty(dof)
+        return Room(*solids, self._nothing.cloud, *rows)
 
     def blocked_leg(
         self,
@@ -32,25 +44,21 @@ class PathTest:
         phase: str | None,
         classes: np.ndarray | None,
         escape: bool,
+        nearer: float,
     ) -> int | None:
         """Return the first blocked leg or None; see `ReactivePlanner.blocked_leg`."""
         frame = self.frame
         path = check_path(frame.robot, path)
-        if frame.robot.continuous.any():
+        if turns(frame.robot):
             path = unwrapped(frame.robot, path)
-        if np.ndim(extra) > 0:
-            raise BadInput("extra is an array; give metres, and points after it")
-        if not (isinstance(extra, np.ndarray) or is_real(extra)):
-            raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
-        least = -(frame.cell_map.safety.m + frame.extra)
-        if -math.inf < extra < least - 1e-9:
-            raise BadInput(
-                f"an extra of {extra} m takes away more than the clearance m; give "
-                f"{least:.4g} m or more"
-            )
-        if phase is not None:
-            self.last_phase.links_that_may(phase)
+        self._check_extra(extra, nearer)
+        few = None if phase is None else self.last_phase.keepers(phase)
         unknown = not math.isfinite(extra)
+        if not unknown and isinstance(points, Obstacles) and self._are_plain(points):
+            if extra - nearer >= 0.0 or frame.sampled[1] is None:
+                leg = self._blocked_by(path, (extra, nearer), points, phase, few)
+                if leg is None or not escape:
+                    return leg  # what keeps its whole distance is an escape, too
         if points is None:
             points, classes = frame.points[: frame.n_given], frame.classes
             solids, kinds = frame.solids, frame.solid_classes
@@ -68,16 +76,77 @@ class PathTest:
         if unknown:
             return 0
         if phase is None:
-            return self._blocked(path, extra, points, solids)
+            return self._blocked(path, (extra, nearer), points, solids, kinds)
         if not np.isfinite(points).all():
             return 0
         self.last_phase.look(phase, points, classes, solids, kinds)
         return self.last_phase.first_hit(frame.cover(), path, extra, escape)
 
+    def _check_extra(self, extra: object, nearer: float) -> None:
+        """Refuse what is no distance, or takes away more than the clearance."""
+        if not is_real(extra):
+            if np.ndim(extra) > 0:
+                raise BadInput("extra is an array; give metres, and points after it")
+            if not isinstance(extra, np.ndarray):
+                raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
+        least = nearer - (self.frame.cell_map.safety.m + self.frame.extra)
+        if -math.inf < extra < least - 1e-9:
+            raise BadInput(
+                f"an extra of {extra} m takes away more than the clearance m; give "
+                f"{least:.4g} m or more"
+            )
+
     def _blocked(
-        self, path: np.ndarray, extra: float, points: np.ndarray, solids: Solids
+        self,
+        path: np.ndarray,
+        extra: tuple[float, float],
+        points: np.ndarray,
+        solids: Solids,
+        kinds: np.ndarray | None,
     ) -> int | None:
+        """Return the first leg that anything blocks, where no phase is asked for."""
         cloud, bad = self._ahead.of_all(points)
         if bad:
             return 0
-        return self.frame.close_test_with(extra).first_blocked(path, cloud, solids)
+        more, nearer = extra
+        if not nearer or kinds is None:
+            return self.frame.close_test_with(more).first_blocked(path, cloud, solids)
+        held_out = kinds == OBJECT
+        others, there = some_of(solids, ~held_out), some_of(solids, held_out)
+        first = self.frame.close_test_with(more).first_blocked(path, cloud, others)
+        test, nothing = self.frame.close_test_with(more - nearer), self._nothing.cloud
+        also = test.first_blocked(path, nothing, there)
+        return min((leg for leg in (first, also) if leg is not None), default=None)
+
+    def _are_plain(self, obstacles: Obstacles) -> bool:
+        """Whether obstacles are shapes alone, of other kinds than meshes."""
+        plain = not (obstacles.meshes or len(obstacles.points))
+        known = len(obstacles.shape_classes) == len(obstacles)
+        return plain and known and obstacles.classes is None
+
+    def _blocked_by(
+        self,
+        path: np.ndarray,
+        extra: tuple[float, float],
+        shapes: Obstacles,
+        phase: str | None,
+        few: Keepers | None,
+    ) -> int | None:
+        """Return the first leg that shapes alone block, as `blocked_leg` does."""
+        memory, n, (more, nearer) = self.frame.memory, len(shapes), extra
+        spheres = len(memory.arm.spheres)  # another number with another hand
+        if n > len(self._room.others.kind) or spheres > len(self._room.radii):
+            self._room = self._room_for(max(32, 2 * n))
+        touched = NOTHING
+        if phase is not None:
+            touched = TOUCHED[phase]
+        elif nearer:
+            touched = OBJECT
+        if few is None:
+            robot = memory.robot_state
+            few = Keepers(memory.arm, robot.radii, robot.bare)
+        keeps = float(more), float(more - nearer)
+        kinds = np.ascontiguousarray(shapes.shape_classes, np.int8), touched
+        told = lent_arrays(shapes), kinds, few, self._room
+        leg: int = blocked_by_shapes(memory.table, path, keeps, *told)
+        return None if leg < 0 else leg

@@ -1001,6 +1001,7 @@ class ReactivePlanner:
         phase: str | None = None,
         classes: np.ndarray | None = None,
         escape: bool = False,
+        nearer: float = 0.0,
     ) -> int | None:
         """Return the first leg of a path that points block, or None.
 
@@ -1019,13 +1020,15 @@ class ReactivePlanner:
             classes: (n,) of `points`, where they are given.
             escape: In a phase: what is too near where a leg begins only must not come
                 nearer along it.
+            nearer: In no phase: shapes of the class odm.OBJECT may be so much nearer
+                [m], if `extra` less that is -m or more.
 
         Raises:
             BadInput: No path, points of another shape, an `extra` below -m, a phase
                 that cannot be, or bad classes.
         """
         self.memory.owner.check()
-        asked = path, extra, points, phase, classes, escape
+        asked = path, extra, points, phase, classes, escape, nearer
         return self._path_test.blocked_leg(*asked)
 
     def evasion(

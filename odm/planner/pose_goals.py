@@ -13,7 +13,7 @@ from odm.obstacles.grid import bounding_ball
 from odm.planner.settings import PoseSettings
 from roadmap.arrays import frozen
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.kinematics.forward import difference, wrapped
+from roadmap.kinematics.forward import difference, turns, wrapped
 from roadmap.kinematics.tool_chain import ToolDescent
 from roadmap.ranges import check_number, is_between
 from roadmap.transforms import check_pose
@@ -82,7 +82,7 @@ class PoseGoals:
         self._tool = ToolKinematics(frame.robot)
         self._quick = ToolDescent(frame.robot, GOAL, GOAL, self.settings.steps)
         self._near = NearPoses(self._tool.tools(self._nodes))
-        self._turns = bool(frame.robot.continuous.any())
+        self._turns = turns(frame.robot)
 
     def solve(
         self, poses: Sequence[np.ndarray], tolerance: object, most: int | None

@@ -30,3 +30,39 @@ def ball_gaps(balls, capsules, gaps):
             ball = balls[n]
             far = nearest(ball[0], ball[1], ball[2], rod)[1]
             gaps[n, k] = far - rod[6] - ball[3]
+
+
+@njit(**INNER)
+def rod_gap(one, other):
+    """Return the distance of the surfaces of two capsules (7,), below 0 inside [m]."""
+    ux, uy, uz = one[3] - one[0], one[4] - one[1], one[5] - one[2]
+    vx, vy, vz = other[3] - other[0], other[4] - other[1], other[5] - other[2]
+    wx, wy, wz = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+    uv, uw = ux * vx + uy * vy + uz * vz, ux * wx + uy * wy + uz * wz
+    vw = vx * wx + vy * wy + vz * wz
+    flat = uu * vv - uv * uv
+    s = min(1.0, max(0.0, (uv * vw - vv * uw) / flat)) if flat > 1e-15 else 0.0
+    t = (uv * s + vw) / vv if vv > 1e-15 else 0.0
+    if not 0.0 <= t <= 1.0:
+        t = min(1.0, max(0.0, t))
+        s = min(1.0, max(0.0, (uv * t - uw) / uu)) if uu > 1e-15 else 0.0
+    elif uu <= 1e-15:
+        s = 0.0
+    x, y, z = wx + s * ux - t * vx, wy + s * uy - t * vy, wz + s * uz - t * vz
+    return math.sqrt(x * x + y * y + z * z) - one[6] - other[6]
+
+
+@njit(**LEAN)
+def least_gap(rods, others):
+    """Return the least distance of capsules (n, 7) from others (k, 7) [m].
+
+    Infinite where there are none; NaN where that of two is.
+    """
+    least = math.inf
+    for i in range(rods.shape[0]):
+        for k in range(others.shape[0]):
+            gap = rod_gap(rods[i], others[k])
+            if gap < least or not gap == gap:
+                least = gap
+    return least

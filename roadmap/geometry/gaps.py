@@ -1,33 +1,18 @@
 """Distances of capsules, of balls and capsules, of capsules and boxes; balls moved."""
 
-import math
-
 import numpy as np
 
 from roadmap.arrays import writable
 from roadmap.geometry import _gaps as kernels
 
 
-def capsule_gap(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the distance of the surfaces of two capsules (7,), below 0 inside [m]."""
-    ax, ay, az, bx, by, bz, r = one.tolist()  # numbers: arrays of three cost more
-    cx, cy, cz, dx, dy, dz, radius = other.tolist()
-    ux, uy, uz = bx - ax, by - ay, bz - az
-    vx, vy, vz = dx - cx, dy - cy, dz - cz
-    wx, wy, wz = ax - cx, ay - cy, az - cz
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv, uw = ux * vx + uy * vy + uz * vz, ux * wx + uy * wy + uz * wz
-    vw = vx * wx + vy * wy + vz * wz
-    flat = uu * vv - uv * uv
-    s = min(1.0, max(0.0, (uv * vw - vv * uw) / flat)) if flat > 1e-15 else 0.0
-    t = (uv * s + vw) / vv if vv > 1e-15 else 0.0
-    if not 0.0 <= t <= 1.0:
-        t = min(1.0, max(0.0, t))
-        s = min(1.0, max(0.0, (uv * t - uw) / uu)) if uu > 1e-15 else 0.0
-    elif uu <= 1e-15:
-        s = 0.0
-    x, y, z = wx + s * ux - t * vx, wy + s * uy - t * vy, wz + s * uz - t * vz
-    return math.sqrt(x * x + y * y + z * z) - r - radius
+def least_gap(rods: np.ndarray, others: np.ndarray) -> float:
+    """Return the least distance of some capsules from others, both (k, 7) [m].
+
+    Between their surfaces, below 0 inside; infinite where there are none, and NaN where
+    one is not finite.
+    """
+    return kernels.least_gap(writable(rods), writable(others))
 
 
 def ball_gaps(balls: np.ndarray, capsules: np.ndarray) -> np.ndarray:

@@ -65,21 +65,24 @@ def solve(
     limits = np.stack([robot.lower, robot.upper], axis=1)
     middle = limits.mean(axis=1)
     start = middle if q_seed is None else checked(robot, q_seed)
-    rng = np.random.default_rng(seed)
-    size = (max(attempts, 2), robot.dof)
-    starts = [start, middle, *rng.uniform(limits[:, 0], limits[:, 1], size)]
-    if q_seed is None:
-        starts = starts[1:]
+    attempts = max(attempts, 1)
+    starts = [middle] if q_seed is None else [start, middle]
+    if attempts > len(starts):
+        rng = np.random.default_rng(seed)
+        size = (max(attempts, 2), robot.dof)
+        starts += list(rng.uniform(limits[:, 0], limits[:, 1], size))
     limits[robot.continuous] = -np.inf, np.inf
     target = flat_pose(T_base_tool)
     # a little further than asked, so that a solution stays one when checked
     descent = ToolDescent(robot, position_tolerance / 2, rotation_tolerance / 2, steps)
     found: list[IkSolution] = []
-    for q in starts[: max(attempts, 1)]:
+    for q in starts[:attempts]:
         q = np.clip(q, limits[:, 0], limits[:, 1])
         position, rotation = descent.run(target, q)
         if position <= position_tolerance and rotation <= rotation_tolerance:
             _add(robot, found, q, T_base_tool)
+    if len(found) < 2:
+        return found
     return sorted(found, key=lambda s: np.linalg.norm(difference(robot, start, s.q)))
 
 

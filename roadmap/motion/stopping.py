@@ -6,6 +6,7 @@ from roadmap.motion.timing import (
     Phase,
     ProfileBuilder,
     SpeedProfile,
+    State,
     after,
     passing,
 )
@@ -22,14 +23,15 @@ def quickest_stop(path: BlendedPath, profile: SpeedProfile, t: float) -> SpeedPr
     profile rests next. The shortest is taken.
     """
     begin = profile.state(t)
+    here = path.pieces[path.index_of(begin)].end if path.pieces else begin.s
     found = []
     for over in (False, True):
         try:
-            builder = _stopped(path, profile, t, over)
+            builder = _stopped(path, profile, t, begin, over)
         except NoProfile:
             continue
         found.append(builder)
-        if not path.pieces or builder.state.s <= path.pieces[path.index_of(begin)].end:
+        if builder.state.s <= here:
             break
     quickest = min(found, key=lambda builder: builder.t, default=None)
     if quickest is not None and t + quickest.t <= profile.rest_after(t) + _LATER:
@@ -56,14 +58,14 @@ def stop_later(
 
 
 def _stopped(
-    path: BlendedPath, profile: SpeedProfile, t: float, over: bool
+    path: BlendedPath, profile: SpeedProfile, t: float, begin: State, over: bool
 ) -> ProfileBuilder:
-    """Return a stop by the limits of the pieces on its path.
+    """Return a stop from the state at time t, by the limits of the pieces on its path.
 
     With `over` it may begin on one piece and end on a later one; else it goes on as
     planned to the end of a piece that is too short.
     """
-    builder = ProfileBuilder(profile.state(t))
+    builder = ProfileBuilder(begin)
     while builder.state.v > 0.0 or builder.state.a != 0.0:
         k = path.index_of(builder.state)
         if _stop_within(path, builder, k, k, profile.end):

@@ -374,21 +374,24 @@ def _measure(cell_map: CellMap) -> None:
 
 def _watch(planner: ReactivePlanner, q: np.ndarray) -> None:
     from odm.close_test.shells import Hulls, Shells
-    from odm.execution._speed import allowed_share
     from odm.execution.shell_test import ShellTest
+    from odm.execution.speed_limit import SpeedLimit
     from odm.execution.threat import Watcher
-    from roadmap.geometry.gaps import ball_gaps
+    from roadmap.geometry.gaps import ball_gaps, least_gap
     from roadmap.motion.motion import time_path
 
     watcher, arm = Watcher(), np.array([[0.5, 0.0, 0.5, 0.5, 0.0, 0.8, 0.05]])
     for now in (0.0, 0.01, 0.02):
         threat = watcher.look(arm, now)
-    threat.as_lately()
-    balls, all_of_them = np.array([[0.0, 0.0, 0.0, 0.1]]), np.zeros(1, np.int64)
-    moves = balls, np.ones((1, 3)), 1.0, all_of_them
-    allowed_share(*moves, arm, np.zeros((1, 6)), arm, np.full(9, 0.1))
-    ball_gaps(balls, arm)
-    motion = time_path(planner.robot, np.array([q, q + 1e-3]))
+    threat.as_lately().likely(0.1)
+    ball_gaps(np.array([[0.0, 0.0, 0.0, 0.1]]), arm)
+    least_gap(arm, arm)
+    leg = np.array([q, q + 1e-3])
+    motion = time_path(planner.robot, leg)
+    limit = SpeedLimit(planner.robot)
+    limit.share(motion, 0.0, 1.0, threat, arm)
+    limit.jerk_share(motion, 0.0, arm)
+    planner.blocked_leg(leg, 0.0, threat.between(0.0, 0.1)[0])
     ShellTest(planner).passes(motion, 0.0, 0.0, motion.stop(0.0), threat, 0.0)
     # a robot without shells has not come so far
     shells = Shells(planner.robot)

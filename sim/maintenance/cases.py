@@ -11,7 +11,7 @@ from odm import CellMap, ReactivePlanner
 from odm.frame.last_phase import gripper_links
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import capsule_gap, moved_rods
+from roadmap.geometry.gaps import least_gap, moved_rods
 from roadmap.robot.robot import Robot
 from sim.people.partner import PartnerTraits
 from sim.people.whole_person import BASE_HEIGHT
@@ -236,6 +236,6 @@ def _goes_both_ways(setup: ToolSetup, case: LadderCase) -> bool:
         return False
     tool = moved_rods(setup.obj.capsules, found.target.T_world_object)
     at_rest = case.body().capsules()
-    if min(capsule_gap(a, b) for a in tool for b in at_rest) < _APART:
+    if least_gap(tool, at_rest) < _APART:
         return False
     return in_reach(setup, case.of("give")) is not None

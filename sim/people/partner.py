@@ -12,7 +12,7 @@ from handover.human.body import ARM_LABELS, LEG_LABELS
 from handover.human.human import Human
 from handover.meet.constraints import ClearOf
 from handover.meet.held_object import HeldObject
-from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, least_gap, moved_rods
 from sim.people.arm_path import minimum_jerk
 
 SLOWEST = 0.25  # [s] no reach is quicker
@@ -307,9 +307,7 @@ class Partner:
 
     def _gap_from_given(self, q: np.ndarray) -> float:
         """Return how far what was given is from the arm at q (7,) [m]."""
-        rows = self._arm_at(q)
-        gaps = (capsule_gap(a, b) for a in rows for b in self._given)
-        return min(gaps, default=np.inf)
+        return least_gap(self._arm_at(q), self._given)
 
     def _drawn_back(
         self, T_world_hand: np.ndarray, q: np.ndarray, back_m: float = _BACK

@@ -9,8 +9,9 @@ from handover.meet.constraints import ClearOf
 from handover.meet.workspace import InteractionWorkspace, Target
 from handover.targets.live_targets import with_arm_at_rest
 from handover.targets.node_index import NodeIndex
-from handover.targets.target_goals import TargetGoals, goal_trouble
+from handover.targets.target_goals import TargetGoals
 from odm import CellMap, Obstacles, ReactivePlanner
+from odm.frame.freedom import is_valid
 
 RANKED = 20  # targets that are tried, best first
 _ATTEMPTS, _STEPS = 8, 100  # of the inverse kinematics, for each
@@ -110,7 +111,7 @@ class TargetAudit:
             rotation_tolerance=1e-3,
         )
         static = self.planner.static
-        good = [one.q for one in found if goal_trouble(static, one.q) is None]
+        good = [one.q for one in found if is_valid(static, one.q)]
         return good[:_GOALS]
 
 

@@ -4,6 +4,7 @@
 """
 
 import math
+import operator
 from collections import deque
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -16,7 +17,7 @@ from odm.execution.settings import FollowSettings
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps, beads, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, beads, least_gap, moved_rods
 from roadmap.ranges import check_kind
 from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
@@ -221,7 +222,12 @@ class Sight:
         self._averaged_s = max(conduct.goes_on_s, calm_s)
         self._object_was: deque[tuple[float, np.ndarray]] = deque()  # when, (4, 4)
         self._alone_s = 0.0  # for how long nobody could get to the object
-        self._began: dict[str, np.ndarray] = {}  # hands at first, from the torso [m]
+        self._began: dict[str, list[float]] = {}  # hands at first, from the torso [m]
+        # against gravity, a unit vector in the base frame
+        up = np.array([0.0, 0.0, 1.0]) if T_base_world is None else T_base_world[:3, 2]
+        self._up: list[float] = up.tolist()
+        # which capsules each hand and the torso are, of those that are seen
+        self._ends: dict[str, np.ndarray] = {}
         # labels as bytes, the parts that are the hand, the arm, words for all parts
         self._parts: tuple[bytes, np.ndarray, np.ndarray, list[str]] | None = None
 
@@ -248,11 +254,11 @@ class Sight:
         if loose:
             threat = self._as_it_stands(frame, threat, obj, speed, dt)
         near = rows[hand]
-        gap = smallest_gap(near, obj) if obj is not None and len(hand) else np.inf
+        gap = np.inf if obj is None else least_gap(near, obj)
         who = threat, len(rows), labels, hand, arm
         times = dt if sound and self._is_fresh(age) else 0.0, stamp
         asked = self.settings.direction == "give"
-        gaps = gap, self._instead(rows, labels) if asked else 0.0
+        gaps = gap, self._instead(rows) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
         seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
         self._sound = seen if sound else self._sound
@@ -304,6 +310,10 @@ class Sight:
             arm = np.flatnonzero(np.isin(labels, ARM_LABELS[self.side]))
             words = [_WORDS.get(label, "") for label in labels.tolist()]
             words += ["the object"] * len(self.hand.obj.capsules)
+            ends = {side: parts[0] for side, parts in ARM_LABELS.items()}
+            ends["torso"] = Part.TORSO
+            at = {name: np.flatnonzero(labels == part) for name, part in ends.items()}
+            self._ends = {name: these for name, these in at.items() if len(these)}
             known = self._parts = labels.tobytes(), hand, arm, words
         return known[1:]
 
@@ -311,27 +321,28 @@ class Sight:
         """Take that hand for the one that takes part from now on."""
         self.side, self._parts = side, None
 
-    def _instead(self, rows: np.ndarray, labels: np.ndarray) -> float:
+    def _instead(self, rows: np.ndarray) -> float:
         """Return how far out the other hand is, and farther than the one expected [m].
 
-        Out is toward the robot's base, across gravity, from where it was at first.
+        Out is toward the robot's base, across gravity, from where it was at first. Of
+        capsules whose `parts` were asked for last.
         """
-        torso, come = rows[labels == Part.TORSO], dict.fromkeys(ARM_LABELS, 0.0)
-        for side, (part, *_) in ARM_LABELS.items():
-            hand = rows[labels == part]
-            if not (len(hand) and len(torso)):
-                continue  # a hand that is not seen is not held out
-            off = _center(hand) - _center(torso)
-            if np.isfinite(off).all():
-                began = _center(torso) + self._began.setdefault(side, off)
-                come[side] = self._far(began) - self._far(_center(hand))
+        at = {name: _center(rows[these].tolist()) for name, these in self._ends.items()}
+        torso, come = at.pop("torso", None), dict.fromkeys(ARM_LABELS, 0.0)
+        for side, hand in at.items():
+            if torso is None:
+                continue
+            off = [a - b for a, b in zip(hand, torso, strict=True)]
+            if all(map(math.isfinite, off)):
+                began = self._began.setdefault(side, off)
+                began = [a + b for a, b in zip(torso, began, strict=True)]
+                come[side] = self._far(began) - self._far(hand)
         return come[OTHER_SIDE[self.side]] - max(0.0, come[self.side])
 
-    def _far(self, place: np.ndarray) -> float:
+    def _far(self, place: list[float]) -> float:
         """Return how far a place (3,) is from the base's origin, across gravity [m]."""
-        T = self.T_base_world
-        up = np.array([0.0, 0.0, 1.0]) if T is None else T[:3, 2]
-        return _length(place - (place @ up) * up)
+        high = sum(map(operator.mul, place, self._up))
+        return math.hypot(*(a - high * b for a, b in zip(place, self._up, strict=True)))
 
     def _as_it_stands(
         self,
@@ -394,11 +405,6 @@ def are_sound(rows: np.ndarray) -> bool:
     return bool(np.isfinite(rows).all() and (rows[:, 6] > 0.0).all())
 
 
-def smallest_gap(hand: np.ndarray, obj: np.ndarray) -> float:
-    """Return the distance of hand and object, both (k, 7) capsules [m]."""
-    return min(capsule_gap(a, b) for a in hand for b in obj)
-
-
 def covering_balls(rods: np.ndarray) -> np.ndarray:
     """Return 8 balls for each of some capsules (k, 7) that hold it, as (8 k, 4)."""
     n = 8
@@ -408,9 +414,11 @@ def covering_balls(rods: np.ndarray) -> np.ndarray:
     return balls
 
 
-def _center(rows: np.ndarray) -> np.ndarray:
+def _center(rows: list[list[float]]) -> list[float]:
     """Return the mean (3,) of the ends of capsules (k, 7) [m]."""
-    return 0.5 * (rows[:, :3] + rows[:, 3:6]).sum(axis=0) / len(rows)
+    return [
+        sum(row[a] + row[a + 3] for row in rows) / (2 * len(rows)) for a in range(3)
+    ]
 
 
 def _length(v: np.ndarray) -> float:

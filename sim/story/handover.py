@@ -27,14 +27,14 @@ from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.shapes import Shape
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, least_gap
 from roadmap.kinematics.forward import cover_balls, difference
 from roadmap.motion.motion import SetPoint
 from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound, smallest_gap
+from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -311,9 +311,7 @@ class Handover:
         executor, share = self.executor, 1.0
         if not executor.at_rest:
             moves = executor.motion, executor.t, executor.settings.speed_scale
-            alone = seen.people == len(threat.error)
-            person = threat if alone else threat.of(slice(seen.people))
-            share = limit.share(*moves, person, seen.hands)
+            share = limit.share(*moves, threat, seen.hands, seen.people)
         executor.limit_speed(share)
         if self.settings.direction == "give":  # who is gentle comes late to take
             executor.limit_jerk(partial(limit.jerk_share, hands=seen.hands))
@@ -437,55 +435,59 @@ class Handover:
         self._feel(seen, point, moving)
         passed = self._now - self.machine.since
         slowed = self.executor.state in (SLOWED, BRAKED)
+        held_up = self._is_blocked()
         self._hindered_s += seen.dt if slowed else 0.0
-        self._kept_off_s += seen.dt if slowed or self._is_blocked() else 0.0
-        away = seen.hand_gap > s.gone
+        self._kept_off_s += seen.dt if slowed or held_up else 0.0
         limits = {table.FETCH: s.fetch_s, table.PUT_DOWN: s.put_down_s}
-        limit = limits.get(self.state, s.wait_s)
-        hand = self.hand
+        late = passed > limits.get(self.state, s.wait_s)
+        hand, pulls, lasts = self.hand, self._pull.pulls, self._lasts
+        gone_s, dt = self.conduct.gone_s, seen.dt
+        away = seen.hand_gap > s.gone and not pulls
         checks = {
-            "lost": self._lasts("lost", self._missing(frame), seen.dt, 0.03),
+            "lost": lasts("lost", self._missing(frame), dt, 0.03),
             "pulled": self._pull.pulled and self._may_be_theirs(seen, moving),
-            "slack": not self._pull.pulls and frame.holds and not frame.opened,
+            "slack": not pulls and frame.holds and not frame.opened,
             "near": self._hand_comes(seen.hand_gap),
-            "gone": self._lasts(
-                "gone", away and not self._pull.pulls, seen.dt, self.conduct.gone_s
-            ),
-            "other_hand": self._lasts(
-                "other_hand", self._hand_instead(seen), seen.dt, self.conduct.gone_s
-            ),
+            "gone": lasts("gone", away, dt, gone_s),
+            "other_hand": lasts("other_hand", self._hand_instead(seen), dt, gone_s),
             "open": frame.opened,
-            "hindered": passed > limit and 2.0 * self._hindered_s > passed,
-            "kept_off": passed > limit and 2.0 * self._kept_off_s > passed,
-            "under_way": passed > limit and self._is_under_way(),
-            "taken_up": passed > limit and self._is_taken_up(seen),
-            "ungripped": passed > limit and hand.fingers == OPEN,
-            "unfelt": passed > limit and not self._pull.felt,
-            "weak_pull": passed > limit and self._pull.weak > 0.0,
-            "occupied": passed > limit and self._is_occupied(seen),
-            "late": passed > limit,
-            "late_holding": passed > limit and hand.holding,
-            "beset": passed > limit and hand.holding and self._is_beset(passed),
-            "blocked": self._lasts("blocked", self._is_blocked(), seen.dt, s.blocked_s),
+            "blocked": lasts("blocked", held_up, dt, s.blocked_s),
         }
         checks["in_vain"] = checks["blocked"] and self.offer.tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
         gripped = hand.holding and frame.holds
-        far = gripped and self._pull.pulls and self._is_far(seen)
-        left = self._lasts("left_it", far, seen.dt, self.conduct.gone_s)
-        unpulled = gripped and (left or not self._pull.pulls)
+        left = lasts("left_it", gripped and pulls and self._is_far(seen), dt, gone_s)
+        unpulled = gripped and (left or not pulls)
         empty = hand.fingers == CLOSED and not frame.holds and not hand.holding
         checks |= {
             "held": over and gripped,
-            "free": over and self._lasts("free", unpulled, seen.dt, s.pull.hold_s),
+            "free": over and lasts("free", unpulled, dt, s.pull.hold_s),
             "missed": self._passed_grip() and empty,
             "away": over,
             "away_holding": over and hand.holding,
         }
-        checks |= self.placing.signals(over, over or passed > limit)
+        checks |= self.placing.signals(over, over or late)
+        if late:
+            checks |= self._signals_when_late(seen, passed)
         self._signalled = {name for name, holds in checks.items() if holds}
         return self._signalled
+
+    def _signals_when_late(self, seen: Seen, passed: float) -> dict[str, bool]:
+        """Return what holds of a state that has lasted for longer than it may [s]."""
+        return {
+            "hindered": 2.0 * self._hindered_s > passed,
+            "kept_off": 2.0 * self._kept_off_s > passed,
+            "under_way": self._is_under_way(),
+            "taken_up": self._is_taken_up(seen),
+            "ungripped": self.hand.fingers == OPEN,
+            "unfelt": not self._pull.felt,
+            "weak_pull": self._pull.weak > 0.0,
+            "occupied": self._is_occupied(seen),
+            "late": True,
+            "late_holding": self.hand.holding,
+            "beset": self.hand.holding and self._is_beset(passed),
+        }
 
     def _feel(self, seen: Seen, point: SetPoint, moving: bool) -> None:
         """Feel the force at the wrist, knowing what weighs in the hand."""
@@ -538,7 +540,7 @@ class Handover:
         hands = np.isin(seen.labels, _HANDS)
         if obj is None or not hands.any():
             return False
-        return bool(smallest_gap(seen.person[hands], obj) > self.settings.gone)
+        return least_gap(seen.person[hands], obj) > self.settings.gone
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""

@@ -5,6 +5,7 @@ agree. The machine knows nothing of robots: each frame it is told which signals 
 and takes the first row of its state whose signal does.
 """
 
+from collections import defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -199,6 +200,9 @@ class Machine:
 
     def __init__(self, rows: tuple[Row, ...], state: str) -> None:
         self.rows, self.state, self.since = rows, state, 0.0
+        self._leaving: dict[str, list[Row]] = defaultdict(list)  # rows of each state
+        for row in rows:
+            self._leaving[row.state].append(row)
         self._before = "", 0.0  # the state before, and since when
         self._came = 0.0  # when the state was entered [s]
         self.reason = ""
@@ -240,8 +244,8 @@ class Machine:
 
     def step(self, signals: Collection[str], now: float) -> Row | None:
         """Take the first row that begins here and whose signal holds; return it."""
-        for row in self.rows:
-            if row.state == self.state and row.signal in signals:
+        for row in self._leaving[self.state]:
+            if row.signal in signals:
                 state, since = self._before
                 back = row.then == state in STANDS and now - self._came < BRIEF_S
                 self._before, self._came = (self.state, self.since), now

@@ -121,11 +121,10 @@ class PhasePlanner:
 
         Or by which it comes nearer than m to where the person can be.
         """
-        people, there = self._parted(points)
+        n = len(points) // max(1, len(self.classes))  # moments
+        points.shape_classes.reshape(n, -1)[:, -self.offered :] = OBJECT
         closer = max(self.planner.cell_map.safety.m - OBJECT_KEEPS, 0.0)
-        told = (people, extra), (there, extra - closer)
-        legs = [self.planner.blocked_leg(path, more, who) for who, more in told]
-        return min((leg for leg in legs if leg is not None), default=None)
+        return self.planner.blocked_leg(path, extra, points, nearer=closer)
 
     def _parted(self, points: Obstacles) -> tuple[Obstacles, Obstacles]:
         """Return the person, and what is held out, at each moment that is told."""

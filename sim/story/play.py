@@ -15,7 +15,7 @@ from odm.execution.executor import Executor
 from odm.execution.threat import ThreatSettings
 from odm.frame.last_phase import TOUCHED
 from odm.obstacles.obstacles import Obstacles
-from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, least_gap, moved_rods
 from roadmap.kinematics.forward import cover_balls, sphere_centers, tool_pose
 from sim.loop.garbage import NotCollected
 from sim.loop.loop import exact_audit
@@ -344,11 +344,8 @@ class StoryPlay:
     def _object_touches(self, moment: StoryMoment) -> bool:
         hand_and_forearm = ARM_LABELS[self.story.sight.side][:2]
         others = ~np.isin(moment.frame.human.labels, hand_and_forearm)
-        T = moment.T_object
-        for rod in moved_rods(self.setup.obj.capsules, T):
-            if any(capsule_gap(rod, c) <= 0.0 for c in moment.capsules[others]):
-                return True
-        return False
+        rods = moved_rods(self.setup.obj.capsules, moment.T_object)
+        return least_gap(rods, moment.capsules[others]) <= 0.0
 
 
 def new_story(

@@ -61,8 +61,9 @@ class PullDetector:
 
     def __init__(self, settings: PullSettings | None = None) -> None:
         self.settings = settings_of(settings, PullSettings)
-        self._recent: deque[tuple[float, np.ndarray]] = deque()
-        self._rest: np.ndarray | None = None
+        self._recent: deque[tuple[float, list[float]]] = deque()
+        # of what is felt, then of what is held; numbers, since there are few
+        self._rest: list[float] | None = None
         self.force, self.lasted, self.felt = 0.0, 0.0, False
         self.weak, self.counts_from = 0.0, 0.0
         self._weak_s = 0.0
@@ -125,22 +126,23 @@ class PullDetector:
                 who took hold so gently that their pull counts as at rest.
         """
         wrench = np.asarray(wrench, float)
-        if wrench.shape != (6,) or not all(map(math.isfinite, wrench.tolist())):
+        felt = wrench.tolist()
+        if wrench.shape != (6,) or not all(map(math.isfinite, felt)):
             self.force, self.lasted, self._weak_s = 0.0, 0.0, 0.0
             return
         s, self.felt = self.settings, True
-        known = np.zeros(3) if own is None else own
-        mean = self._mean(np.concatenate((wrench[:3], known)), dt)
+        known = [0.0, 0.0, 0.0] if own is None else own.tolist()
+        mean = self._mean(felt[:3] + known, dt)
         if self._rest is None:
             self._rest = mean
-        off = mean - self._rest
-        pull, added = off[:3], math.hypot(*off[3:].tolist())
+        off = [now - rest for now, rest in zip(mean, self._rest, strict=True)]
+        pull, added = off[:3], math.hypot(*off[3:])
         if taken is not None and taken.any():
-            pull = _without(taken, pull)
-        self.force = math.hypot(*pull.tolist())
+            pull = _without(taken, np.array(pull)).tolist()
+        self.force = math.hypot(*pull)
         others = math.inf  # what the object does not account for
         if own is not None:
-            others = math.hypot(*(mean[:3] - mean[3:]).tolist())
+            others = math.dist(mean[:3], mean[3:])
         least = added + s.force * (3.0 if moving else 1.0)
         if self.force >= least and others >= s.force:
             self.lasted += dt
@@ -158,9 +160,9 @@ class PullDetector:
             return
         quick = moving or added > s.force
         follows = min(1.0, dt / (0.1 * s.rest_s if quick else s.rest_s))
-        self._rest = self._rest + follows * off
+        self._rest = [a + follows * b for a, b in zip(self._rest, off, strict=True)]
 
-    def _mean(self, felt: np.ndarray, dt: float) -> np.ndarray:
+    def _mean(self, felt: list[float], dt: float) -> list[float]:
         """Return the mean over the window, this measurement (6,) included [N]."""
         self._recent.append((dt, felt))
         kept = sum(passed for passed, _ in self._recent)
@@ -169,7 +171,8 @@ class PullDetector:
             and kept - self._recent[0][0] >= self.settings.window_s - 1e-9
         ):
             kept -= self._recent.popleft()[0]
-        return sum(force for _, force in self._recent) / len(self._recent)
+        forces = [force for _, force in self._recent]
+        return [sum(axis) / len(forces) for axis in zip(*forces, strict=True)]
 
     def _note_weak(self, force: float, counts_from: float, dt: float) -> None:
         """Note a force [N] that does not count, once it has lasted."""

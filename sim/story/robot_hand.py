@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from handover.meet.held_object import HeldObject
-from handover.targets.target_goals import goal_trouble
 from odm.cell_map.payload import carried_object
 from odm.execution.executor import Executor
+from odm.frame import freedom
 from odm.frame.last_phase import GRIPPER_KEEPS, gripper_links
 from odm.obstacles.shapes import Box, Shape
 from odm.planner.planner import ReactivePlanner
@@ -142,7 +142,7 @@ def box_of(obj: HeldObject) -> Shape:
 def is_valid(planner: ReactivePlanner, q: np.ndarray, bare: bool = False) -> bool:
     """Whether q can be a goal at all; `bare`: with nothing in the hand."""
     static = planner.carrier.bare if bare else planner.static
-    return goal_trouble(static, q) is None
+    return freedom.is_valid(static, q)
 
 
 class TooNear(NamedTuple):

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from naive_speed import naive_share
+from wrappers import with_wrapper
 
-from odm.execution._speed import allowed_share
+from odm.execution import _speed as kernels
 from odm.execution.executor import Executor
 from odm.execution.settings import ExecutionSettings
 from odm.execution.speed_limit import SpeedLimit, SpeedSettings
@@ -17,6 +18,7 @@ from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.motion.motion import time_path
 
+allowed_share = with_wrapper(kernels.allowed_share)
 RULE = np.array([0.02, 0.15, 0.02, 0.15, 1.6, 0.25, 0.5, 0.0, 0.8])
 NO_HANDS = np.zeros((0, 7))
 

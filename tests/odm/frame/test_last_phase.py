@@ -331,3 +331,51 @@ def test_a_phase_that_cannot_be_is_refused_whatever_else_says_no(planner):
     for extra, points in ((0.0, None), (np.nan, None), (0.0, np.full((1, 3), np.nan))):
         with pytest.raises(BadInput, match="nothing is attached"):
             planner.blocked_leg(Q[None], extra, points, phase="give")
+
+
+@pytest.mark.parametrize("phase", [None, "give", "receive"])
+def test_shapes_in_one_call_block_what_each_of_them_blocks(planner, rng, phase):
+    """With one far point beside them they are looked at one by one."""
+    if phase == "give":
+        planner.attach(HELD)
+    far, found = np.array([[0.0, 0.0, 5.0]]), []
+    for _ in range(120):
+        path = np.cumsum([rng.uniform(-0.5, 0.5, 3), *rng.normal(0, 0.1, (3, 3))], 0)
+        path = path[: rng.integers(1, 5)]
+        places = [ball(planner, *rng.uniform(-0.2, 0.15, 2), q=path[0]) for _ in "123"]
+        rods = np.array([[*b.T_base_shape[:3, 3]] * 2 + [0.02] for b in places])
+        rods[:, 5] += 0.1
+        kinds = rng.integers(0, 3, 3).astype(np.int8)
+        extra, escape = (
+            rng.choice([-0.01, 0.0]),
+            phase is not None and rng.random() < 0.5,
+        )
+        legs = []
+        for points in (None, far):
+            shapes = odm.Obstacles(capsules=rods, points=points)
+            shapes.shape_classes[:] = kinds
+            legs.append(planner.blocked_leg(path, extra, shapes, phase, None, escape))
+        assert legs[0] == legs[1]
+        found.append(legs[0])
+    assert {None, 0} < set(found)
+
+
+def test_what_is_held_out_may_be_nearer_by_so_much_as_is_said(planner):
+    """Shapes of the class OBJECT alone, and no more than that leaves them."""
+    rod = np.array([[0.9, 0.0, 0.0, 0.9, 0.0, 0.1, 0.02]])
+    shapes = [odm.Obstacles(capsules=rod) for _ in "ab"]
+    shapes.append(odm.Obstacles(capsules=rod, points=np.array([[0.0, 0.0, 5.0]])))
+    gap = min(
+        extra
+        for extra in np.linspace(-0.01, 0.3, 600)
+        if planner.blocked_leg(Q[None], extra, shapes[0]) == 0
+    )
+    for given, kind in zip(shapes, (odm.OBJECT, odm.CONTACT, odm.OBJECT), strict=True):
+        given.shape_classes[:] = kind
+        legs = [
+            planner.blocked_leg(Q[None], gap, given, nearer=x) for x in (0.0, 0.002)
+        ]
+        assert legs == [0, None if kind == odm.OBJECT else 0]
+        assert planner.blocked_leg(Q[None], gap + 0.003, given, nearer=0.002) == 0
+    with pytest.raises(BadInput, match="takes away more than the clearance"):
+        planner.blocked_leg(Q[None], -0.009, shapes[0], nearer=0.002)

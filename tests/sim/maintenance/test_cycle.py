@@ -17,7 +17,7 @@ from handover import (
 )
 from handover.targets.node_index import NodeIndex
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import capsule_gap, moved_rods
+from roadmap.geometry.gaps import least_gap, moved_rods
 from sim.maintenance import play as cycle_play
 from sim.maintenance import tell as cycle_tell
 from sim.maintenance.cases import (
@@ -81,7 +81,7 @@ def test_the_person_stands_on_a_ladder_and_tools_stand_apart_on_the_table():
     for k, rows in enumerate(standing):
         assert 0.0 < (rows[:, [2, 5]].min() - rows[:, 6].max()) < 0.02
         for others in standing[:k]:
-            assert min(capsule_gap(a, b) for a in rows for b in others) > 0.10
+            assert least_gap(rows, others) > 0.10
     for tool, size in zip(tools, SIZES, strict=True):
         end = tool.T_tool_object[2, 3] - 0.11 * size
         assert np.isclose(end, 0.02)  # the fingers hold the very tip

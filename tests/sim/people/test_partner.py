@@ -8,7 +8,7 @@ import pytest
 from handover import Human, wrench
 from handover.human.body import LEG_LABELS
 from roadmap.errors import BadInput
-from roadmap.geometry.gaps import ball_gaps, capsule_gap, moved_rods
+from roadmap.geometry.gaps import ball_gaps, least_gap, moved_rods
 from roadmap.transforms import pose_of
 from sim.people.partner import Partner, PartnerTraits, RecordedPartner
 from sim.story import tell
@@ -79,8 +79,7 @@ def test_the_arm_does_not_hang_in_what_it_gave_until_that_is_gone():
     T = person.T_world_object
 
     def gap():
-        rods = moved_rods(OBJ.capsules, T)
-        return min(capsule_gap(a, b) for a in person._arm_at(person.arm) for b in rods)
+        return least_gap(person._arm_at(person.arm), moved_rods(OBJ.capsules, T))
 
     held = person.arm.copy()
     assert gap() < -0.02 and person.holds
@@ -115,18 +114,28 @@ def test_distances_of_capsules_are_those_of_dense_points():
         a = one[:3] + s * (one[3:6] - one[:3])
         b = other[:3] + s * (other[3:6] - other[:3])
         dense = np.linalg.norm(a[:, None] - b, axis=2).min() - 0.15
-        assert dense - 0.01 < capsule_gap(one, other) <= dense + 1e-9
+        assert dense - 0.01 < least_gap(one[None], other[None]) <= dense + 1e-9
         ball = np.array([[*one[:3], 0.05]])
         gap = np.linalg.norm(one[:3] - b, axis=1).min() - 0.15
         gaps = ball_gaps(ball, np.array([one, other]))
         assert gaps == pytest.approx(np.array([[-0.1, gap]]), abs=0.01)
 
 
+def test_the_least_distance_of_some_capsules_is_that_of_the_nearest_two():
+    rows = np.random.default_rng(6).uniform(0.1, 1, (7, 7))
+    rods, others = rows[:3], rows[3:]
+    pairs = [least_gap(a[None], b[None]) for a in rods for b in others]
+    assert least_gap(rods, others) == min(pairs) < max(pairs)
+    assert least_gap(rods, others[:0]) == np.inf
+    rods[1, 4] = np.nan
+    assert np.isnan(least_gap(rods, others))
+
+
 def test_still_capsules_of_no_length_have_a_distance():
     ball = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))[:3, 3]
     one = np.array([*ball, *ball, 0.1])
     other = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.2])
-    assert capsule_gap(one, other) == pytest.approx(0.7)
+    assert least_gap(one[None], other[None]) == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize(

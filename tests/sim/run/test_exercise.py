@@ -33,12 +33,12 @@ for package in (odm, roadmap):
             if isinstance(value, Dispatcher)
         }
 from odm.close_test._shells import hulls_apart
-from odm.execution._speed import allowed_share
+from odm.execution._speed import share_along
 from odm.execution._threat import follow
 from odm.execution.shell_test import ShellTest
 from odm.execution.threat import Watcher
 from roadmap.motion.motion import time_path
-late = [k.py_func.__name__ for k in (hulls_apart, allowed_share, follow)
+late = [k.py_func.__name__ for k in (hulls_apart, share_along, follow)
         if not k.signatures]
 if late:
     sys.exit("never called: " + ", ".join(late))
