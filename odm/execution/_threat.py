@@ -118,12 +118,12 @@ def is_known(parts, k):
 
 @njit(**INNER)
 def speed_of(velocity, k):
-    """Return the speed of the faster end of part k [m/s]."""
+    """Return the speed of the faster end of part k [m/s]; NaN where one is not known."""
     most = 0.0
     for side in range(2):
         x, y, z = velocity[k, side, 0], velocity[k, side, 1], velocity[k, side, 2]
         total = x * x + z * z + y * y  # as numpy adds, for the same bytes as ever
-        if not total <= most:  # a NaN stays one
+        if most == most and not total <= most:  # a NaN stays one, of whichever end
             most = total
     return math.sqrt(most)
 
@@ -188,7 +188,8 @@ def fastest_of(velocity, error):
     speed, worst = 0.0, 0.0
     for k in range(len(error)):
         if abs(error[k]) < math.inf:
-            speed = max(speed, speed_of(velocity, k))
+            own = speed_of(velocity, k)
+            speed = own if own > speed else speed
             worst = max(worst, error[k])
     return speed, worst
 

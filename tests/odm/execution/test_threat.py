@@ -302,6 +302,26 @@ def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
         assert threat.between(0.0, 1e6)[1] > 0.0 or not len(threat.capsules)
 
 
+@pytest.mark.parametrize("column", range(6))
+def test_an_end_that_is_not_known_makes_the_person_be_anywhere(column):
+    arms = np.array([[0.5, 0.0, 0.3, 0.5, 0.2, 0.5, 0.05], [0, 1, 0, 0, 1, 1, 0.1]])
+    watcher = Watcher()
+    for k in range(8):
+        arms = arms + [0.01, 0.002, 0.0, 0.01, 0.003, 0.0, 0.0]
+        seen = watcher.look(arms, 0.01 * k)
+    assert seen.known.all() and seen.between(0.0, 0.1)[1] == 0.0
+    for part in (0, 1):
+        velocity = seen.velocity.copy()
+        velocity[part, column // 3, column % 3] = np.nan
+        for end in (0.0, 0.1):
+            threat = replace(seen, velocity=velocity)
+            assert threat.between(0.0, end)[1] == threat.displacement_bound(end)
+            assert threat.displacement_bound(end) == np.inf
+    arms[0, column] = np.nan  # of a part that is not followed the shape says it
+    there, more = watcher.look(arms, 0.08).between(0.0, 0.1)
+    assert more == np.inf or not np.isfinite(there.capsules[0]).all()
+
+
 @pytest.mark.parametrize("age", [None, np.nan])
 def test_a_stop_beside_a_person_of_unknown_age_does_not_pass(small_map, age):
     planner = odm.ReactivePlanner(small_map)
