@@ -118,7 +118,7 @@ def is_known(parts, k):
 
 @njit(**INNER)
 def speed_of(velocity, k):
-    """Return the speed of the faster end of part k [m/s]; NaN where one is not known."""
+    """Return the speed of part k's faster end [m/s]; NaN where one is not known."""
     most = 0.0
     for side in range(2):
         x, y, z = velocity[k, side, 0], velocity[k, side, 1], velocity[k, side, 2]
