@@ -173,7 +173,7 @@ class Answer:
 
     @property
     def blockers(self) -> Blockers:
-        """Edges, cells, points and link behind the reason."""
+        """Edges, cells, points and link behind the reason; asked for in its frame."""
         return self._verdict.why.blockers if self.status == HOLDING else NOTHING
 
     @property

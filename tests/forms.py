@@ -4,11 +4,8 @@ import os
 from collections.abc import Iterable
 from typing import TypeVar
 
-import pytest
-
 T = TypeVar("T")
 LONG = os.environ.get("LONG", "0") not in ("", "0")  # reaches pytest-xdist's workers
-only_long = pytest.mark.skipif(not LONG, reason="of the long form: LONG=1 make test")
 
 
 def some(values: Iterable[T], *places: int) -> list[T]:

@@ -15,7 +15,7 @@ from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom, lent_arrays, some_of
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import turns, unwrapped
-from roadmap.ranges import is_real, told
+from roadmap.ranges import check_number, is_real, told
 
 
 class PathTest:
@@ -51,7 +51,7 @@ class PathTest:
         path = check_path(frame.robot, path)
         if turns(frame.robot):
             path = unwrapped(frame.robot, path)
-        self._check_extra(extra, nearer)
+        self._check_extra(extra, nearer, phase)
         few = None if phase is None else self.last_phase.keepers(phase)
         unknown = not math.isfinite(extra)
         if not unknown and isinstance(points, Obstacles) and self._are_plain(points):
@@ -82,8 +82,15 @@ class PathTest:
         self.last_phase.look(phase, points, classes, solids, kinds)
         return self.last_phase.first_hit(frame.cover(), path, extra, escape)
 
-    def _check_extra(self, extra: object, nearer: float) -> None:
+    def _check_extra(self, extra: object, nearer: float, phase: str | None) -> None:
         """Refuse what is no distance, or takes away more than the clearance."""
+        if not (type(nearer) is float and nearer == 0.0):
+            if phase is not None:
+                raise BadInput(
+                    f"nearer is {told(nearer)} in the phase {phase!r}, which tells "
+                    "itself what may touch; leave one of them out"
+                )
+            check_number("nearer [m]", nearer, 0.0, 100.0)
         if not is_real(extra):
             if np.ndim(extra) > 0:
                 raise BadInput("extra is an array; give metres, and points after it")

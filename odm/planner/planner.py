@@ -1021,11 +1021,11 @@ class ReactivePlanner:
             escape: In a phase: what is too near where a leg begins only must not come
                 nearer along it.
             nearer: In no phase: shapes of the class odm.OBJECT may be so much nearer
-                [m], if `extra` less that is -m or more.
+                [m], 0 or more, if `extra` less that is -m or more.
 
         Raises:
             BadInput: No path, points of another shape, an `extra` below -m, a phase
-                that cannot be, or bad classes.
+                that cannot be, `nearer` in one, or bad classes.
         """
         self.memory.owner.check()
         asked = path, extra, points, phase, classes, escape, nearer

@@ -379,3 +379,14 @@ def test_what_is_held_out_may_be_nearer_by_so_much_as_is_said(planner):
         assert planner.blocked_leg(Q[None], gap + 0.003, given, nearer=0.002) == 0
     with pytest.raises(BadInput, match="takes away more than the clearance"):
         planner.blocked_leg(Q[None], -0.009, shapes[0], nearer=0.002)
+
+
+@pytest.mark.parametrize(
+    "nearer", [np.nan, np.inf, -0.001, None, "1", True, np.ones(2)]
+)
+def test_how_much_nearer_must_be_a_number_and_in_no_phase(planner, nearer):
+    with pytest.raises(BadInput, match=r"nearer \[m\]"):
+        planner.blocked_leg(Q[None], 0.0, odm.Obstacles(spheres=1), nearer=nearer)
+    for given in (nearer, 0.001):  # a phase tells itself what may touch
+        with pytest.raises(BadInput, match="in the phase 'receive'"):
+            planner.blocked_leg(Q[None], phase="receive", nearer=given)

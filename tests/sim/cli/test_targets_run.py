@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 from command_line import one_sentence
-from forms import only_long
 from keyboard_pty import User
 from mocap_files import person, write_csv
 
@@ -64,7 +63,6 @@ def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
     assert told["share_of_time"].get("no target", 0.0) < 0.5
 
 
-@only_long
 def test_keys_end_by_ctrl_c_as_shells_expect(meet_maps, tmp_path):
     out = tmp_path / "keys.json"
     words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
