@@ -30,6 +30,24 @@ def _parsed() -> dict[str, ast.Module]:
     }
 
 
+@cache
+def _walked(module: str) -> list[tuple[ast.stmt, list[ast.AST]]]:
+    """Return each statement of a module with all that is in it; slow to find out."""
+    return [(top, list(ast.walk(top))) for top in _parsed()[module].body]
+
+
+@cache
+def _imports(module: str) -> list[tuple[str, ast.alias]]:
+    """Return what a module imports from others, anywhere."""
+    return [
+        (node.module, alias)
+        for _, inside in _walked(module)
+        for node in inside
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    ]
+
+
 def _options(node: ast.stmt) -> str | None:
     """Return what stands in the `njit` of a function, None without one."""
     if isinstance(node, ast.FunctionDef):
@@ -56,12 +74,9 @@ def _names(module: str) -> dict[str, Kernel]:
     """Return the kernels that a module defines or imports, by their names there."""
     kernels = _kernels()
     found = {name: (m, name) for m, name in kernels if m == module}
-    for node in ast.walk(_parsed()[module]):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                if node.module in _parsed() and alias.name in _names(node.module):
-                    there = _names(node.module)[alias.name]
-                    found[alias.asname or alias.name] = there
+    for other, alias in _imports(module):
+        if other in _parsed() and alias.name in _names(other):
+            found[alias.asname or alias.name] = _names(other)[alias.name]
     return found
 
 
@@ -75,18 +90,15 @@ def _called_from_python() -> frozenset[Kernel]:
     for module, tree in _parsed().items():
         opened = {n: ast.unparse(node) for n, node in _opened(tree)}
         names = {n: k for n, k in _names(module).items() if n not in opened}
-        whole: dict[str, str] = {}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                for alias in node.names:
-                    if f"{node.module}.{alias.name}" in _parsed():
-                        whole[alias.asname or alias.name] = (
-                            f"{node.module}.{alias.name}"
-                        )
-        for top in tree.body:
+        whole = {
+            alias.asname or alias.name: f"{other}.{alias.name}"
+            for other, alias in _imports(module)
+            if f"{other}.{alias.name}" in _parsed()
+        }
+        for top, inside in _walked(module):
             if _options(top) is not None:
                 continue
-            for node in ast.walk(top):
+            for node in inside:
                 if isinstance(node, ast.Name) and node.id in names:
                     found.add(names[node.id])
                 if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

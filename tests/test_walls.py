@@ -68,10 +68,16 @@ def tree(file):
 
 
 @cache
+def nodes(file):
+    """Return all that is written in a file."""
+    return list(ast.walk(tree(file)))
+
+
+@cache
 def imported(file):
     """Return the modules of ours that a file imports, anywhere and for types, too."""
     found = set()
-    for node in ast.walk(tree(file)):
+    for node in nodes(file):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -87,17 +93,19 @@ def place(name):
     return package, rest.partition(".")[0] if "." in rest else ""
 
 
+@cache
 def functions():
     """Return (file, function, its tree) of every function."""
     kinds = ast.FunctionDef | ast.AsyncFunctionDef
     return [
         (file, node.name, node)
         for file in MODULES.values()
-        for node in ast.walk(tree(file))
+        for node in nodes(file)
         if isinstance(node, kinds)
     ]
 
 
+@cache
 def kernels():
     """Return the functions that numba compiles."""
     return [
@@ -164,15 +172,15 @@ def private(name):
     return name.startswith("_") and not name.startswith("__")
 
 
-def reaches(module):
-    """Return where a module names what is private to another object or file.
+def reaches(inside):
+    """Return where a module's nodes name what is private to another object or file.
 
     Its own are `self._x`, `cls._x` and `super()._x`. A name as text counts where it is
     handed to `getattr` and its like; an underscore file is no private name.
     """
     own = ("self", "cls", "super()")
     by_text = {"getattr", "setattr", "hasattr", "delattr", "__setattr__"}
-    for node in ast.walk(module):
+    for node in inside:
         if isinstance(node, ast.Attribute) and private(node.attr):
             owner, name = ast.unparse(node.value), node.attr
         elif isinstance(node, ast.Call) and len(node.args) > 1:
@@ -203,7 +211,7 @@ def test_nobody_reaches_for_private_names_of_another_object():
     wrong = [
         f"{file.relative_to(ROOT)}: {name}"
         for file in MODULES.values()
-        for name in reaches(tree(file))
+        for name in reaches(nodes(file))
         if name.rpartition(".")[2] not in public
     ]
     assert not wrong
@@ -222,7 +230,7 @@ def test_nobody_reaches_for_private_names_of_another_object():
     ],
 )
 def test_a_reach_for_a_private_name_is_found(code):
-    assert len(list(reaches(ast.parse(code)))) == 1
+    assert len(list(reaches(ast.walk(ast.parse(code))))) == 1
 
 
 def test_no_folder_holds_too_many_files():

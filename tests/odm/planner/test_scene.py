@@ -69,7 +69,7 @@ def test_a_mesh_around_the_whole_robot_blocks(planner, moved):
     far = pose_of([9.0, 0.0, 0.0], np.zeros(3))
     place = np.eye(4) if moved == "add" else far
     planner.set_goals([AWAY])
-    planner.scene.add("ball", around_all(3.0), place)
+    planner.scene.add("ball", around_all(1.6), place)
     if moved == "move":
         planner.scene.move("ball", np.eye(4))
     elif moved == "base":
