@@ -2,9 +2,11 @@
 
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
+from PIL import Image
 from recorded import new_loop
 
 from sim.bench.browser import Browser, found_browser
@@ -66,6 +68,13 @@ def until(holds, doing=lambda: time.sleep(0.05)):
     while not holds():
         assert time.monotonic() < end
         doing()
+
+
+def colours(tab, path, place):
+    """Return the colours (7, 7, 3) that are drawn around a place of the window."""
+    x, y = np.rint(place).astype(int)
+    with Image.open(tab.picture(path)) as image:
+        return np.asarray(image.convert("RGB"))[y - 3 : y + 4, x - 3 : x + 4]
 
 
 def place_of(tab, kind):
@@ -163,13 +172,16 @@ def test_the_arrows_drag_the_hand_and_the_robot_answers(view_map, tab, tmp_path)
     with Opened(show_of(source, hand=taken.append)) as opened:
         tab.open(opened.address, OPENED)
         before = source.frame.capsules[-1, 3:6].copy()
-        assert tab.toggle("Drag the hand")
-        until(lambda: taken[-1] is not None)
-        np.testing.assert_allclose(taken[-1], before, atol=1e-6)
-        time.sleep(2.0)  # the arrows are drawn
         # by the arrow that points up, to 25 cm above
         up = np.array([0.0, 0.0, 1.0])
         grip = pixel(opened.page, SIZE, before + 0.15 * up)
+        look = partial(colours, tab, tmp_path / "arrows.png", grip)
+        bare = look()
+        assert tab.toggle("Drag the hand")
+        until(lambda: taken[-1] is not None)
+        np.testing.assert_allclose(taken[-1], before, atol=1e-6)
+        until(lambda: (look() != bare).any())  # the arrows are drawn
+        time.sleep(1.0)  # and heard
         stop = pixel(opened.page, SIZE, before + 0.40 * up)
         tab.drag(grip, stop, steps=20)
         until(lambda: np.linalg.norm(taken[-1] - before) > 0.15)
