@@ -53,7 +53,7 @@ class SimulatorMissing(PlanningError):
         )
 
 
-class World:
+class World(contextlib.AbstractContextManager):
     """A robot and a person of capsules, both moved by hand.
 
     Args:
@@ -68,10 +68,7 @@ class World:
     """
 
     def __init__(
-        self,
-        urdf: str | Path,
-        robot: Robot,
-        locked: Mapping[str, float] | None = None,
+        self, urdf: str | Path, robot: Robot, locked: Mapping[str, float] | None = None
     ) -> None:
         import_pybullet()
         path = str(robot_file(urdf))
@@ -99,9 +96,6 @@ class World:
         self._person: list[int] = []
         self._sizes, self._things = np.zeros((0, 2)), 0
         self._arm, self._held = robot, np.zeros((0, 4))
-
-    def __enter__(self) -> "World":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -189,9 +183,7 @@ class World:
 
     def _capsule(self, length: float, radius: float, colour: tuple) -> int:
         solid = self._bullet.createCollisionShape(
-            self._bullet.GEOM_CAPSULE,
-            radius=radius,
-            height=length,
+            self._bullet.GEOM_CAPSULE, radius=radius, height=length
         )
         mesh = capsule_mesh(length, radius)
         visual = self._bullet.createVisualShape(

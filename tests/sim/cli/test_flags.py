@@ -21,6 +21,8 @@ from sim.terminal.flags import (
     from_request,
     is_given,
     of_panels,
+    optional,
+    switch,
 )
 
 
@@ -28,8 +30,8 @@ from sim.terminal.flags import (
 class Request:
     file: Path = argument(..., "What is read.", metavar="FILE")
     width: float = flag(0.5, "In m.", min=0.1, panel="Sizes")
-    tall: bool = flag(False, "Whether it is.", "--tall", panel="Sizes")
-    names: list[str] | None = flag(None, "Again for more.", "--name")
+    tall: bool = switch("Whether it is.", panel="Sizes")
+    names: list[str] | None = optional("Again for more.", "--name")
     json: Json = None
     hidden: int = 3
 
