@@ -21,7 +21,7 @@ from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_to_z
 from sim.draw.style import FURNITURE, LOAD, person_colours
-from sim.draw.surroundings import capsule_mesh
+from sim.draw.surroundings import capsule_mesh, normals_of
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
@@ -131,12 +131,10 @@ class World(contextlib.AbstractContextManager):
         """Draw triangles (n, 3, 3) of what stands around, too [m]."""
         for i in range(0, len(triangles), _MOST_TRIANGLES):
             some = triangles[i : i + _MOST_TRIANGLES]
-            normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
-            normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
             visual = self._bullet.createVisualShape(
                 self._bullet.GEOM_MESH,
                 vertices=some.reshape(-1, 3).tolist(),
-                normals=np.repeat(normals, 3, axis=0).tolist(),
+                normals=np.repeat(normals_of(some), 3, axis=0).tolist(),
                 indices=list(range(3 * len(some))),
                 rgbaColor=(*FURNITURE, 1.0),
                 specularColor=[0.05, 0.05, 0.05],

@@ -71,7 +71,9 @@ def test_a_request_is_made_of_the_flags_and_defaults(run):
     assert found == [Request(Path("a.txt"), 0.5, True, ["x", "y"])]
 
 
-@pytest.mark.parametrize("words", [(), ("a", "--width", "0"), ("a", "--hidden", "1")])
+@pytest.mark.parametrize(
+    "words", [(), ("a", "--width", "0"), ("a", "--hidden", "1"), ("a", "--no-tall")]
+)
 def test_what_is_missing_out_of_range_or_no_flag_is_a_usage_error(run, words):
     result, found = run(*words)
     assert result.exit_code == 2 and not found
