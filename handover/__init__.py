@@ -7,12 +7,7 @@ from handover.grasps.grasp_build import GraspSettings, build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
 from handover.grasps.hand import Hand, load_hand
 from handover.grasps.hands import HandSpec, hand_names
-from handover.grasps.objects import (
-    GraspObject,
-    load_object,
-    make_object,
-    object_names,
-)
+from handover.grasps.objects import GraspObject, load_object, make_object, object_names
 from handover.human.body import Part
 from handover.human.fit import human_from_joints
 from handover.human.human import Human

@@ -1,6 +1,6 @@
 """The robot, its graph and its motions in time; knows nothing of obstacles."""
 
-import roadmap.kernel_cache  # noqa: F401 (drops stale machine code)
+import roadmap.compiling.kernel_cache  # noqa: F401 (drops stale machine code)
 from roadmap.kinematics.forward import tool_pose
 from roadmap.loading.urdf import load_robot
 from roadmap.motion.motion import Motion, SetPoint, time_path

@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from small import (
-    draw_arm,
-    small_recipe,
-)
+from small import draw_arm, small_recipe
 
 import odm
-from odm.audit.exact import ExactRobot
 from odm.cell_map.recipe import PayloadRecipe
+from odm.exact.distances import ExactRobot
 from roadmap.kinematics.forward import difference
 
 CENTER, RADIUS = np.array([0.1, 0.0, 0.02]), 0.12  # the map's envelope

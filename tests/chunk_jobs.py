@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from roadmap.chunks import Chunk, Job
+from roadmap.builds.chunks import Chunk, Job
 
 
 def same(spec):

@@ -9,11 +9,7 @@ from handover.meet.workspace import InteractionWorkspace
 
 FLOOR_M = -0.75  # of the person, in the frame of the robot's base
 # a board between a person and what is held out, through which they cannot reach
-BOARD = {
-    "type": "box",
-    "size": [0.02, 1.0, 0.3],
-    "position": [0.55, 0.0, 0.45],
-}
+BOARD = {"type": "box", "size": [0.02, 1.0, 0.3], "position": [0.55, 0.0, 0.45]}
 
 
 def person(distance, aside=0.0):

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from nearest import out_of_spheres
 
-from odm.audit.exact import BOX_CORNERS, ExactRobot, obstacles_of
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import BOX_CORNERS, ExactRobot, obstacles_of
 from odm.obstacles import shapes as solid
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import odm
-from odm.audit._exact import POINTS, Convexes, core_distance, nearest_pair
-from odm.audit.exact import gather, obstacles_of
+from odm.exact._distances import POINTS, Convexes, core_distance, nearest_pair
+from odm.exact.distances import gather, obstacles_of
 from odm.obstacles.obstacles import SolidRoom
 from roadmap.transforms import flat_pose
 

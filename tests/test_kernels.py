@@ -9,7 +9,7 @@ import pytest
 from numba import njit
 from numba.core.errors import NumbaError
 
-import roadmap.jit_options as options
+import roadmap.compiling.jit_options as options
 from handover.reach._reach_mark import mark_positions
 from odm.search._step import respond
 

@@ -11,11 +11,7 @@ from handover.grasps.settings import HoldSettings
 from handover.meet.settings import FindSettings, QualitySettings
 from handover.plans.settings import PlanSettings, ProofSettings, SolveSettings
 from handover.reach.reach_build import ReachSettings
-from handover.targets.settings import (
-    AllowanceSettings,
-    ChoiceSettings,
-    LiveSettings,
-)
+from handover.targets.settings import AllowanceSettings, ChoiceSettings, LiveSettings
 from odm.approach.approach_answer import ApproachSettings
 from odm.close_test.safety import Safety
 from odm.execution.settings import (

@@ -10,7 +10,16 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 # each imports those before it only; files directly in a package come first
 ORDER = {
-    "roadmap": ["kinematics", "robot", "geometry", "loading", "graph", "motion"],
+    "roadmap": [
+        "compiling",
+        "builds",
+        "kinematics",
+        "robot",
+        "geometry",
+        "loading",
+        "graph",
+        "motion",
+    ],
     "odm": [
         "obstacles",
         "close_test",
@@ -21,6 +30,7 @@ ORDER = {
         "planner",
         "execution",
         "cameras",
+        "exact",
         "audit",
     ],
     "handover": ["human", "reach", "meet", "targets", "grasps", "scenes", "plans"],
@@ -135,6 +145,15 @@ def test_sub_packages_import_those_before_them_only(package):
     assert not wrong
 
 
+def test_exact_geometry_shares_nothing_with_the_frame_that_it_judges():
+    ours = {n: imported(f) for n, f in INSIDE.items() if place(n) == ("odm", "exact")}
+    theirs = {o for found in ours.values() for o in found if o.startswith("odm.")}
+    solids = {f"odm.obstacles.{n}" for n in ("shapes", "mesh_surface", "robot_surface")}
+    assert theirs - ours.keys() <= solids
+    kernels = {o for n in ours if "._" in n for o in imported(INSIDE[n])}
+    assert kernels <= {"roadmap.compiling._rows", "roadmap.compiling.jit_options"}
+
+
 def test_no_file_is_part_of_a_circle():
     graph = nx.DiGraph()
     for name, file in INSIDE.items():
@@ -162,7 +181,7 @@ def test_compiled_loops_import_numpy_numba_and_compiled_loops_only():
                 for name in names
                 if name.partition(".")[0] not in FENCE
                 and not name.rpartition(".")[2].startswith("_")
-                and name != "roadmap.jit_options"
+                and name != "roadmap.compiling.jit_options"
             ]
     assert not wrong
 
@@ -204,7 +223,7 @@ def reaches(inside):
 def test_nobody_reaches_for_private_names_of_another_object():
     public = {"_replace", "_asdict", "_fields", "_field_defaults"}  # of named tuples
     public |= {"_getvalue"}  # of numba's own builders, which have no other name for it
-    # and of its libraries of code, where `roadmap/linking.py` links and optimises
+    # and of its libraries of code, which `roadmap/compiling/linking.py` links
     public |= {"_get_module_for_linking", "_module_pass_manager", "_reload_init"}
     public |= {"_engine", "_ee"}
     public |= {"_exit", "_current_frames"}  # of os and sys

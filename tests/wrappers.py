@@ -3,7 +3,7 @@
 from numba import jit
 from numba.core.dispatcher import Dispatcher
 
-from roadmap.linking import LoopCompiler
+from roadmap.compiling.linking import LoopCompiler
 
 
 def with_wrapper(loop: Dispatcher) -> Dispatcher:

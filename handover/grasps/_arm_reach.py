@@ -2,7 +2,7 @@
 
 from numba import njit
 
-from roadmap.jit_options import BARE
+from roadmap.compiling.jit_options import BARE
 from roadmap.kinematics._chain import forward, jacobian
 
 

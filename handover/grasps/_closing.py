@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from odm.audit import _exact as exact
-from roadmap.jit_options import BARE_INNER, FULL, FULL_INNER
+from odm.exact import _distances as exact
+from odm.exact._distances import compose
+from roadmap.compiling.jit_options import BARE_INNER, FULL, FULL_INNER
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
 _TIE = 1e-9  # [m] more than rounding: what may be as near is looked at
@@ -46,19 +47,6 @@ class HandState(NamedTuple):
     links: np.ndarray  # (n, 12)
     frames: np.ndarray  # (m, 12) poses of the solids
     touched: np.ndarray  # (k,) int64: solid that stopped a driver, -1
-
-
-@njit(**BARE_INNER)
-def compose(a, b, out):
-    """Write the product of two poses (12,); `out` is neither of them."""
-    for r in range(3):
-        for c in range(3):
-            out[3 * r + c] = (
-                a[3 * r] * b[c] + a[3 * r + 1] * b[3 + c] + a[3 * r + 2] * b[6 + c]
-            )
-        out[9 + r] = (
-            a[3 * r] * b[9] + a[3 * r + 1] * b[10] + a[3 * r + 2] * b[11] + a[9 + r]
-        )
 
 
 @njit(**BARE_INNER)

@@ -8,7 +8,7 @@ from handover.grasps import _closing as kernels
 from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
 from handover.grasps.settings import HOLD
-from odm.audit.exact import gather
+from odm.exact.distances import gather
 from roadmap.geometry._winding import winding
 
 _CHUNK = 16  # triangles with one ball around them
@@ -90,11 +90,7 @@ def is_outside(
 
 
 def close(
-    hand: Hand,
-    target: Target,
-    T_object_palm: np.ndarray,
-    shape: int,
-    tolerance: float,
+    hand: Hand, target: Target, T_object_palm: np.ndarray, shape: int, tolerance: float
 ) -> kernels.HandState | None:
     """Close a hand from a preshape: each finger to its first contact.
 

@@ -22,7 +22,7 @@ from handover.grasps.holding import (
 )
 from handover.grasps.objects import GraspObject
 from handover.grasps.surface import even_points
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.transforms import pose_of_flat

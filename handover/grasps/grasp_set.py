@@ -8,9 +8,9 @@ import numpy as np
 from handover.grasps.objects import GraspObject, make_object
 from odm.obstacles.shapes import Mesh
 from roadmap.arrays import freeze
+from roadmap.builds.store import made_of, read_folder, write_folder
 from roadmap.errors import BadMap
 from roadmap.ranges import check_path
-from roadmap.store import made_of, read_folder, write_folder
 
 _KIND = "grasp set"
 _ARRAYS = {

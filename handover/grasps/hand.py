@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.grasps import _closing as kernels
 from handover.grasps.hands import HandSpec, hand_spec
-from odm.audit.exact import gather, solid_part
+from odm.exact.distances import gather, solid_part
 from roadmap.errors import BadRobot
 from roadmap.geometry.solids import Solid, solid_of
 from roadmap.loading.body_tree import drive

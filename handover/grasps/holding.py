@@ -18,8 +18,8 @@ from handover.grasps.hand import Hand
 from handover.grasps.objects import GraspObject
 from handover.grasps.settings import HOLD
 from handover.grasps.surface import farthest, surface_points
-from odm.audit._exact import Convexes
-from odm.audit.exact import gather
+from odm.exact._distances import Convexes
+from odm.exact.distances import gather
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from handover.human._human_arm import (
     SIN_UPPER,
     UPPER,
 )
-from roadmap.jit_options import BARE_INNER
+from roadmap.compiling.jit_options import BARE_INNER
 
 CIRCLE, SPANS, ARCS, WORK_ROWS = 0, 14, 46, 78
 MAX_SPANS = ARCS - SPANS

@@ -23,7 +23,7 @@ from handover.human._arm_ik import (
     swivel_spans,
 )
 from handover.human._human_arm import LOWER, UPPER
-from roadmap.jit_options import BARE, BARE_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER
 
 # cos^2 of abduction below which flexion and rotation are solved together, and below
 # which each is free

@@ -13,7 +13,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import BARE, BARE_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER
 
 LENGTHS, LOWER, UPPER = 0, 3, 10
 SIN_LOWER, COS_LOWER, SIN_UPPER, COS_UPPER = 17, 24, 31, 38

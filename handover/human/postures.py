@@ -62,9 +62,7 @@ POSTURES = {
         support="knees",
     ),
     "lying": Posture(
-        "on the back, head to -x of the place, face up",
-        pelvis=-90.0,
-        support="back",
+        "on the back, head to -x of the place, face up", pelvis=-90.0, support="back"
     ),
     "ladder": Posture(
         "on the second step of a ladder (0.56 m), one foot a step higher",

@@ -14,7 +14,7 @@ from numba import njit
 from handover.meet._meet_pose import UNREACHED, least_effort, pose_value, wrist_allows
 from handover.meet._quality import quality_of
 from handover.reach._rotations import rotation_cell
-from roadmap.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
 
 TINY_M = 1e-9
 # Qualities are rounded to this. A tool turned by half a turn often offers the same hand

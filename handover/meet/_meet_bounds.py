@@ -45,7 +45,7 @@ from handover.meet._quality import (
     spatial_cost,
     visibility_cost,
 )
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER, WITHIN_INNER
 
 NO_VALUE = -1.0
 SLACK = 1e-6  # [rad] what arc functions of rounded numbers may be off

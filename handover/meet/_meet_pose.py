@@ -43,7 +43,7 @@ from handover.meet._quality import (
     square_to_axis,
     visibility_cost,
 )
-from roadmap.jit_options import WITHIN_INNER
+from roadmap.compiling.jit_options import WITHIN_INNER
 
 UNREACHED, BELOW = -1.0, -0.5
 ROUNDING = 2e-9  # that a bound is raised by, more than qualities are rounded by

@@ -21,7 +21,7 @@ from handover.meet._meet_bounds import (
     position_bounds,
 )
 from handover.meet._meet_pose import UNREACHED
-from roadmap.jit_options import BARE_INNER, FULL
+from roadmap.compiling.jit_options import BARE_INNER, FULL
 
 # what is counted: positions opened, bytes compared, grips bounded, hand poses solved
 POSITIONS, BYTES, GRIPS, SOLVED = range(4)

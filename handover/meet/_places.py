@@ -8,8 +8,8 @@ from numba import njit
 from handover.human._arm_solve import solve_arm
 from handover.meet._quality import EFFORT, quality_of
 from handover.reach._reach_build import Work
-from roadmap._rows import copy_row
-from roadmap.jit_options import FULL
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import FULL
 from roadmap.kinematics._chain import ChainArrays, dexterity, forward, jacobian
 
 # columns: the five parts of quality.py, then these

@@ -17,7 +17,7 @@ import math
 from numba import njit
 
 from handover.human._human_arm import ARM_SIZE, arm_axes
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER, WITHIN_INNER
 
 Q_NOW, P_NOW = ARM_SIZE, ARM_SIZE + 7
 EYE, GAZE, HAS_GAZE = ARM_SIZE + 10, ARM_SIZE + 13, ARM_SIZE + 16

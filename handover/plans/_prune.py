@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handover.grasps._closing import compose
 from handover.plans._space import fill, pair_apart, place
-from roadmap.jit_options import BARE, BARE_INNER
+from odm.exact._distances import compose
+from roadmap.compiling.jit_options import BARE, BARE_INNER
 from roadmap.kinematics._chain import dexterity, forward, jacobian
 from roadmap.kinematics._seven import solve_all, within_reach
 

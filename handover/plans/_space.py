@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.compiling.jit_options import BARE, BARE_INNER, FULL_INNER, WITHIN_INNER
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import BARE, BARE_INNER, FULL_INNER, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all

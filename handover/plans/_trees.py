@@ -13,8 +13,8 @@ from numba import njit
 
 from handover.plans._space import motion_clear, stands_clear
 from odm.search._connect import PRIMES, halton
-from roadmap._rows import copy_row
-from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
 
 STRIDE = 1.0  # [rad or m] longest motion between two branches
 NEARBY = 3  # every so many-th sample is drawn near a branch

@@ -13,7 +13,7 @@ from handover.grasps.hand import load_hand
 from handover.grasps.hands import HandSpec
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadMap
 
 FOLDER = Path("maps/built/grasps")

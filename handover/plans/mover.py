@@ -13,12 +13,7 @@ import numpy as np
 
 from handover.grasps.objects import GraspObject
 from handover.plans import _space as kernels
-from handover.plans.limb import (
-    Limb,
-    balls_of,
-    box_corners,
-    prism,
-)
+from handover.plans.limb import Limb, balls_of, box_corners, prism
 from handover.plans.settings import SOLVE, ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere

@@ -5,12 +5,7 @@ import numpy as np
 from handover.plans.choose import HandoverChoice
 from handover.plans.motions import PlannedMotion
 from handover.plans.planner import HandoverPlan
-from handover.scenes.plan_file import (
-    Hold,
-    TimedMotion,
-    hand_links,
-    plan_record,
-)
+from handover.scenes.plan_file import Hold, TimedMotion, hand_links, plan_record
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
 
@@ -35,10 +30,7 @@ def record_of(plan: HandoverPlan) -> dict:
         _holds(plan),
         chosen=tuple_facts(plan.chosen),
         alternatives=[tuple_facts(other) for other in plan.alternatives],
-        grasps={
-            "giver": plan.grasps_giver.hash,
-            "receiver": plan.grasps_receiver.hash,
-        },
+        grasps={"giver": plan.grasps_giver.hash, "receiver": plan.grasps_receiver.hash},
         report=report_facts(plan),
         step=report.step,
     )

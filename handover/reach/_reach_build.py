@@ -14,8 +14,8 @@ from numba import njit
 
 from handover.reach._reach_touch import Touch, touches_itself
 from handover.reach._rotations import rotation_cell
-from roadmap._rows import copy_row
-from roadmap.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import BARE, FULL, WITHIN, WITHIN_INNER
 from roadmap.kinematics._chain import (
     ChainArrays,
     dexterity,

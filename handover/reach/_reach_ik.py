@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_touch import touches_itself
-from roadmap.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
 from roadmap.kinematics._chain import draw_code, forward, from_lattice
 from roadmap.kinematics._inverse import descend
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_build import ROOT, cell_of, origin_cell
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN
+from roadmap.compiling.jit_options import BARE, BARE_INNER, WITHIN
 
 
 class Packed(NamedTuple):

@@ -14,7 +14,7 @@ from handover.reach._reach_build import (
 )
 from handover.reach._reach_lookup import ones
 from handover.reach._reach_touch import touches_itself
-from roadmap.jit_options import BARE, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, WITHIN_INNER
 from roadmap.kinematics._chain import dexterity, draw_code, jacobian
 
 _SURE = 3  # marked neighbours before a cell that no sample hit is tried

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.compiling.jit_options import BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_collision import pair_clearance
-from roadmap.jit_options import BARE_INNER, FULL, FULL_INNER, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames
 
 TABLE = 64  # cells along a joint

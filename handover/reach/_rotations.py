@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, WITHIN_INNER
 
 _HALF_PI = 0.5 * math.pi
 _TURN = 2.0 * math.pi

@@ -19,7 +19,7 @@ from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
 from handover.reach.rotations import rotation_grid
-from roadmap.chunks import Progress, Workers
+from roadmap.builds.chunks import Progress, Workers
 from roadmap.errors import BuildRefused
 from roadmap.ranges import CheckedSettings, setting, settings_of
 

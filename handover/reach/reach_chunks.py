@@ -18,7 +18,7 @@ from handover.reach._reach_mark import mark_positions, queue_of
 from handover.reach.extremes import work_of
 from handover.reach.reach_grid import ReachGrid, reach_grid
 from handover.reach.reach_touch import touch_of
-from roadmap.chunks import Chunk, Job, Workers
+from roadmap.builds.chunks import Chunk, Job, Workers
 
 _READ = Cells._fields  # all: what was marked before stays as it is
 _WRITTEN = ("quality", "source", "predecessor", "depth", "witness")

@@ -13,11 +13,11 @@ from handover.reach.extremes import work_of
 from handover.reach.reach_grid import ReachGrid
 from handover.reach.rotations import rotation_grid
 from roadmap.arrays import as_floats, brief, frozen
+from roadmap.builds.store import made_of, read_folder, write_folder
 from roadmap.errors import BadInput, BadMap
 from roadmap.kinematics._chain import from_lattice
 from roadmap.ranges import check_path
 from roadmap.robot.robot import Robot
-from roadmap.store import made_of, read_folder, write_folder
 from roadmap.transforms import check_pose, flat_pose
 
 _KIND = "reach map"

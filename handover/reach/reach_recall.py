@@ -11,7 +11,7 @@ from handover.reach._reach_ik import starts_taken
 from handover.reach.extremes import reachable_box, work_of
 from handover.reach.reach_map import ReachMap
 from handover.reach.reach_touch import touch_of
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput, BadMap
 from roadmap.geometry.self_collision import configuration_free
 

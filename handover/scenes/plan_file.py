@@ -12,8 +12,8 @@ import numpy as np
 
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.builds.unfinished import put_file
 from roadmap.errors import BadInput
-from roadmap.unfinished import put_file
 
 _SHAPES = {
     kind.__name__.lower(): kind for kind in (Box, Capsule, Cylinder, Mesh, Sphere)
@@ -54,10 +54,7 @@ def hand_links(placed: PlacedAgent, side: str) -> tuple[str, ...]:
 
 
 def plan_record(
-    scene: Scene,
-    motions: Sequence[TimedMotion],
-    holds: Sequence[Hold],
-    **more: object,
+    scene: Scene, motions: Sequence[TimedMotion], holds: Sequence[Hold], **more: object
 ) -> dict:
     """Return a plan as plain data.
 

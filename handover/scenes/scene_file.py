@@ -22,7 +22,7 @@ _PARTS = {"giver", "receiver", "object", "start", "goal"}
 _KEYS = {
     "the file": _PARTS | {"name", "scenery"},
     "an agent": {
-        *("agent", "urdf", "arms", "posture", "position", "rpy", "joints", "use"),
+        *("agent", "urdf", "arms", "posture", "position", "rpy", "joints", "use")
     },
     "an arm": {"tip", "hand"},
     "a hand": {

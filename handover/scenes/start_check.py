@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 
 from handover.scenes.scene import PlacedAgent, Scene
-from odm.audit import _exact as kernels
-from odm.audit.exact import ExactObstacles, obstacles_of
+from odm.exact import _distances as kernels
+from odm.exact.distances import ExactObstacles, obstacles_of
 from odm.obstacles.shapes import Shape
 from roadmap.errors import BadInput
 

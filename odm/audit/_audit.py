@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from odm.audit._exact import Convexes, core_distance
 from odm.close_test._arm import Arm, Clearance, Work
 from odm.close_test._close import motion_clear
+from odm.exact._distances import Convexes, compose, core_distance, point_at
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
+from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER
 from roadmap.geometry._winding import winding
-from roadmap.jit_options import FULL, FULL_INNER, INNER
 from roadmap.kinematics._forward import body_frames, turned
 
 FAR, NEAR = 0.4, -0.03  # [m] where an approach begins, and where it may end
@@ -100,28 +100,6 @@ class Found(NamedTuple):
     gap: np.ndarray  # (n,) the true one is at most this much larger
     part: np.ndarray  # (n,) solid nearest
     frame: np.ndarray  # (n, 12) pose of the obstacle
-
-
-@njit(**INNER)
-def point_at(f, p):
-    """Return where pose f (12,) has a point p (>= 3,); no code of what is audited."""
-    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
-    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
-    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
-    return x, y, z
-
-
-@njit(**INNER)
-def compose(f, g, out):
-    """Write the product of poses f and g (12,) to out."""
-    for i in range(3):
-        for j in range(3):
-            out[3 * i + j] = (
-                f[3 * i] * g[j] + f[3 * i + 1] * g[3 + j] + f[3 * i + 2] * g[6 + j]
-            )
-        out[9 + i] = (
-            f[3 * i] * g[9] + f[3 * i + 1] * g[10] + f[3 * i + 2] * g[11] + f[9 + i]
-        )
 
 
 @njit(**INNER)

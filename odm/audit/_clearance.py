@@ -25,7 +25,7 @@ from odm.close_test._close import motion_clear
 from odm.obstacles._occupancy import clear, mark_points
 from odm.obstacles._solids import CAPSULE
 from odm.obstacles._solids import Solids as Shapes
-from roadmap.jit_options import FULL, FULL_INNER, INNER
+from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER
 
 STEP = 1e-3  # [m] of the scan where a test answers yes or no
 TIGHT = 1e-5  # [m] where the walk of a distance ends

@@ -20,7 +20,7 @@ from odm.audit.audit_targets import audit_solids
 from odm.cell_map.cell_map import CellMap
 from odm.close_test._arm import make_work
 from odm.close_test.close_test import NO_SOLIDS
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.kinematics.forward import difference
 from roadmap.transforms import pose_of_flat
 

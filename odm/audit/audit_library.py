@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from odm.audit._audit import Library
-from odm.audit.exact import gather, shape_parts
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import gather, shape_parts
 from odm.obstacles import shapes as solid
 from odm.obstacles.mesh_surface import cover_densely
 from odm.obstacles.obstacles import Obstacles

@@ -3,7 +3,7 @@
 import numpy as np
 
 from odm.audit import _audit as kernels
-from odm.audit.exact import BOX_CORNERS, ExactRobot
+from odm.exact.distances import BOX_CORNERS, ExactRobot
 from roadmap.robot.robot import BOX, CYLINDER, HULL, Robot
 from roadmap.transforms import flat_pose
 

@@ -9,12 +9,12 @@ from odm.audit import _clearance as kernels
 from odm.audit._audit import Audited, Solids
 from odm.audit.audit import Auditor
 from odm.audit.audit_library import as_frames_sample, draw_arms, library_of
-from odm.audit.exact import gather
 from odm.cell_map.cell_map import ROUNDING, CellMap
 from odm.cell_map.chunk_work import at_rest, swept_cells
 from odm.cell_map.sweep import swept_by
 from odm.close_test._arm import Clearance, make_work
 from odm.close_test.close_test import NO_SOLIDS
+from odm.exact.distances import gather
 from odm.obstacles._solids import Solids as ShapeRows
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot

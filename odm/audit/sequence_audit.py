@@ -12,7 +12,7 @@ from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.cell_map.cell_map import CellMap, load_map
 from odm.processes import in_processes
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput
 
 LENGTH = 500  # steps of a sequence

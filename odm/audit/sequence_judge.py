@@ -3,7 +3,7 @@
 The first is another planner that has seen this frame alone: its static test and its
 close test of each leg. The second is geometry: the robot's own solids, never spheres or
 cells, against the obstacles as solids, along the whole leg. Their distances come from
-`odm.audit.exact`, contacts from python-fcl too.
+`odm.exact.distances`, contacts from python-fcl too.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from odm.answer import Freedom
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.scenery import shape_of_row
 from odm.obstacles.shapes import Box, Capsule, Shape

@@ -23,7 +23,7 @@ from numba import njit
 
 from odm.cameras._seen import FREE, OCCUPIED, SHADOW, WHOLE, Sight, place_cube
 from odm.cameras._windows import least
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 FULL = 255
 

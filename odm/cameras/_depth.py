@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import place_of
 
 TILE_BITS = 4

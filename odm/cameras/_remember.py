@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from odm.cameras._seen import FREE, UNSEEN
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 WAS_FREE, WAS_BLOCKED = 1, 2  # last content of a cell that is not seen now
 GO_FREE, GO_OCCUPIED, GO_ON = 0, 1, 2  # policies

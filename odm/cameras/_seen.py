@@ -25,7 +25,7 @@ import numpy as np
 from numba import njit
 
 from odm.cameras._windows import cover, least, none_above
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import place_of
 
 HIDDEN, PARTLY, WHOLE = 0, 1, 2  # how much of a cube's image lies in the picture

@@ -7,7 +7,7 @@ there (`odm.cameras.view.lift`). Four squares that may overlap cover a rectangle
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 COARSE = 4  # side of the squares of `largest`, in entries
 

@@ -11,7 +11,7 @@ has the steps from start[i, 0] to start[i + 1, 0], and the codes from start[i, 1
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 ON = 255  # the step that is no entry
 LOW_HALVES, HALVES = 1 << 15, 1 << 16  # that bits 0 to 14, and 15 to 30, can name

@@ -17,7 +17,7 @@ from numba import njit
 from odm.cell_map._block import cells_near
 from odm.close_test._arm import Arm
 from odm.close_test._close import MAX_LEVEL, SAG_SHARE, sample_level
-from roadmap.jit_options import FULL, INNER, LEAN, WITHIN_INNER
+from roadmap.compiling.jit_options import FULL, INNER, LEAN, WITHIN_INNER
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_points
 
 

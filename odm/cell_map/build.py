@@ -19,7 +19,7 @@ from odm.close_test.static import always_touching, with_insides
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap import load_robot
-from roadmap.chunks import Chunk, Progress, Threads, Workers, about
+from roadmap.builds.chunks import Chunk, Progress, Threads, Workers, about
 from roadmap.graph.connecting import BuildReport, Parts, Stream, build_roadmap
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.known import known_robot
@@ -42,8 +42,9 @@ def build_map(
         threads: Worker threads; 0 means one per core.
         progress: Called with (stage, done, total).
         robot: Use this robot instead of loading the recipe's.
-        workers: Who does the chunks of work, such as `roadmap.chunks.Threads` with a
-            store, or `roadmap.cluster.Cluster`; None: `threads` of this process.
+        workers: Who does the chunks of work, such as `roadmap.builds.chunks.Threads`
+            with a store, or `roadmap.builds.cluster.Cluster`; None: `threads` of this
+            process.
 
     Raises:
         BadRecipe, BadRobot: The recipe or its robot cannot be used.

@@ -14,11 +14,11 @@ from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
 from roadmap.arrays import brief, freeze
+from roadmap.builds.store import made_of, read_folder, write_folder
 from roadmap.errors import BadInput, BadMap
 from roadmap.graph.roadmap import Roadmap
 from roadmap.ranges import check_kind
 from roadmap.robot.robot import Robot
-from roadmap.store import made_of, read_folder, write_folder
 
 ROUNDING = 1e-6  # [m] added to every swept radius
 

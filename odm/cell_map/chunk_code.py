@@ -7,7 +7,7 @@ forked from imports it once for all of them.
 from odm.cell_map import _sweep as sweep
 from odm.close_test import _static as static
 from odm.obstacles import _occupancy as occupancy
-from roadmap.kept_code import load_kept
+from roadmap.compiling.kept_code import load_kept
 
 LOOPS = (
     occupancy.mark_points,

@@ -9,7 +9,7 @@ from odm.cell_map import _sweep as sweep
 from odm.close_test.safety import Safety
 from odm.close_test.static import StaticTest
 from odm.obstacles.scenery import Scenery
-from roadmap.chunks import Job
+from roadmap.builds.chunks import Job
 from roadmap.errors import BuildRefused
 from roadmap.geometry.self_collision import TOLERANCE
 from roadmap.robot.robot import Robot

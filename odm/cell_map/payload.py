@@ -15,7 +15,7 @@ from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
 from roadmap.arrays import freeze
-from roadmap.chunks import Progress, Workers
+from roadmap.builds.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.kept_covers import kept_cover
 from roadmap.geometry.polytope import shell

@@ -12,7 +12,7 @@ from odm.cell_map.lists import CellLists, packed_lists
 from odm.close_test._arm import Arm
 from odm.close_test.safety import Safety
 from odm.obstacles.grid import WorkspaceGrid
-from roadmap.chunks import Chunk, Progress, Threads, Workers
+from roadmap.builds.chunks import Chunk, Progress, Threads, Workers
 from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import Robot

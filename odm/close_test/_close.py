@@ -21,8 +21,8 @@ from odm.obstacles._solids import (
     rod_of,
     solid_distance,
 )
-from roadmap._rows import in_line
-from roadmap.jit_options import BARE_INNER, INNER, LEAN, WITHIN_INNER
+from roadmap.compiling._rows import in_line
+from roadmap.compiling.jit_options import BARE_INNER, INNER, LEAN, WITHIN_INNER
 from roadmap.kinematics._forward import (
     body_frames,
     motion_bounds,

@@ -4,8 +4,8 @@ import math
 
 from numba import njit
 
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.jit_options import INNER, LEAN
 
 
 @njit(**LEAN)

@@ -23,8 +23,8 @@ from odm.obstacles._solids import (
     segments_distance2,
     solid_distance,
 )
-from roadmap._rows import in_line
-from roadmap.jit_options import BARE_INNER, INNER
+from roadmap.compiling._rows import in_line
+from roadmap.compiling.jit_options import BARE_INNER, INNER
 from roadmap.kinematics._forward import place_of
 
 NEAR = 0.03  # [m] what has more to spare is not measured more exactly

@@ -23,8 +23,8 @@ from odm.obstacles._occupancy import (
     pick_points,
     sort_points,
 )
-from roadmap._rows import in_line
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import in_line
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_of
 
 ALL_CELLS = np.uint64(0xFFFFFFFFFFFFFFFF)  # of a block

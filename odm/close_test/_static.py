@@ -20,8 +20,8 @@ from odm.close_test._close import (
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solids import Solids as Shapes
 from odm.obstacles._solids import cylinder_gap, rod_distance, triangle_place
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.geometry._self_collision import NEAR_END, motion_apart
-from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, motion_bounds, place_of
 
 PLANE, BOX, ROD, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0  # first number of a row

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.geometry._gaps import nearest
-from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_points
 
 _STILL = 1e-9  # [rad or m] of a step: no joint moves

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 _ROUNDING = 1e-9  # [m]
 

@@ -11,8 +11,8 @@ from odm.obstacles._cloud import Cloud
 from odm.obstacles._solid_samples import FINE, take_solids
 from odm.obstacles._solids import Solids
 from odm.search._state import view
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 NOTHING = -1  # no class of shapes
 

@@ -8,7 +8,7 @@ from numba import njit
 
 from odm.close_test._close import displacement, motion_clear, place_clear
 from odm.obstacles._cloud import N_OCCUPIED
-from roadmap.jit_options import LEAN
+from roadmap.compiling.jit_options import LEAN
 
 NEAR, SHUT = 1, 2  # marks of an item: it shares a cell; it is closed for good
 

@@ -36,11 +36,11 @@ from odm.search import _frame as kernels
 from odm.search import _step as step
 from odm.search.state import DirectMap, exchange, lay_out
 from roadmap.arrays import is_lendable, lent
+from roadmap.compiling.wrapper import without_lookup
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.ranges import check_number
 from roadmap.transforms import moved_points
-from roadmap.wrapper import without_lookup
 
 
 class Cover(NamedTuple):

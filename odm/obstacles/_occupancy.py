@@ -20,8 +20,8 @@ from odm.obstacles._cloud import (
     bits_of,
     cell_of,
 )
-from roadmap._rows import copy_row, in_line
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row, in_line
+from roadmap.compiling.jit_options import INNER, LEAN
 
 BEYOND = float(1 << 30)  # cells from a corner: farther than any grid reaches
 ROUNDING = 1e-9  # [m] by which a point may lie beside the block that it is in

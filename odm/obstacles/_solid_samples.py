@@ -28,8 +28,8 @@ from numba import njit
 from odm._groups import FRAME, array
 from odm.obstacles._solids import BOX, CAPSULE, CYLINDER, MESH, solid_distance
 from odm.obstacles._surfaces import SHRINK, tube_frame, tube_step, walk_cap
-from roadmap._rows import in_line
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import in_line
+from roadmap.compiling.jit_options import INNER, LEAN
 
 # what can be wrong with a shape
 FINE, NOT_FINITE, NO_RADIUS, NO_LENGTH, NO_SIZE, NO_POSE, TOO_LARGE = range(7)

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from odm._groups import FRAME, array
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 
 CAPSULE, BOX, CYLINDER, MESH = 0, 1, 2, 3
 MOST_CUTS = 48  # tangents of a chord; what they leave open is taken for too near

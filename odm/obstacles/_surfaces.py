@@ -23,7 +23,7 @@ import math
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import FULL, FULL_INNER, INNER
+from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER
 
 # the patterns aim a little below the spacing, so that rounding stays inside it
 SHRINK = 1.0 - 1e-9

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.builds.unfinished import beside
 from roadmap.errors import BadInput, BadRobot
 from roadmap.loading.body_tree import link_poses
 from roadmap.ranges import check_path
 from roadmap.robot.description import Joint, read_description
 from roadmap.robot.meshes import find_mesh
 from roadmap.transforms import pose_with, rotation_to_z
-from roadmap.unfinished import beside
 
 KINDS = (".scene", ".urdf", ".xml")
 PLATE = (6.0, 6.0, 1.0)  # [m] that stands for a plane, beneath it

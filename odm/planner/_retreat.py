@@ -7,7 +7,7 @@ from numba import njit
 
 from odm.close_test._close import gap_from_solids, set_point
 from odm.obstacles._solids import Solids
-from roadmap.jit_options import LEAN
+from roadmap.compiling.jit_options import LEAN
 from roadmap.kinematics._forward import body_frames
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from odm.search._paths import leg_length, unwrap
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 # Roberts' R2 sequence in the plane: pairs of places, evenly spread and the same always
 _R2_U, _R2_V = 0.7548776662466927, 0.5698402909980532

@@ -30,7 +30,7 @@ from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, it
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked

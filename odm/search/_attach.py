@@ -12,7 +12,7 @@ from odm.search._cost_to_go import ROUNDING
 from odm.search._items import item_free
 from odm.search._judge import close_free, stands_free
 from odm.search._state import view
-from roadmap.jit_options import BARE, INNER, LEAN, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, INNER, LEAN, WITHIN_INNER
 
 # of what `free_first` returns: how many nodes are free, and how many it looked at
 FREE_NODES, LOOKED_AT = 0xFFFF, 16

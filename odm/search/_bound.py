@@ -30,8 +30,8 @@ from odm.search._judge import goal_motion_clear, start_clear
 from odm.search._paths import take_shortcuts, unwrap
 from odm.search._recent import TOLL, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, IS_GOAL, view
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER
 
 ROUNDING = 1.0 + 1e-9
 # what holds of the last search: nothing that is known; its path is free and the

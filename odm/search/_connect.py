@@ -20,8 +20,8 @@ from odm.close_test._close import displacement
 from odm.close_test._static import Still, motion_free
 from odm.search._judge import close_free, part_free, ref_free, stands_free
 from odm.search._state import view
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 SPENT, MET, FULL, CUT_OFF = 0, 1, 2, 3
 ROOT = -1  # parent of the start; of goal g: ROOT - g

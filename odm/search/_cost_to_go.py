@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from odm.search._astar import pop, push
-from roadmap.jit_options import BARE, BARE_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER
 
 MOST_BUCKETS = 4096
 NARROWER = 1.0 + 1e-9  # than the shortest edge buckets are: sums are rounded

@@ -12,7 +12,7 @@ from numba import njit
 from odm.obstacles._surfaces import tube_frame
 from odm.search._recent import stamp, this_period
 from odm.search._state import view
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 _EDGE = 1.4  # times the size of a cell: a square of points covers within its diagonal
 

@@ -36,8 +36,8 @@ from odm.search._judge import (
 from odm.search._paths import take_shortcuts, unwrap, write_path
 from odm.search._recent import ref_in_avoided
 from odm.search._state import clock_ns, show, view
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 # What the close test finds where the cells block all motions. HOPELESS: the start is in
 # contact; NO_ENTRY, NO_EXIT: no motion into the goal, or from the start, is free;

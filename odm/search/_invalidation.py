@@ -6,7 +6,7 @@ from numba.extending import intrinsic
 
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.search._state import view
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 # cell lists compared before the direct map decides all items: as long as that takes,
 MANY_TESTS = 1000  # in maps of up to ITEMS nodes and edges, and more in larger ones

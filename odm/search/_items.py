@@ -13,7 +13,7 @@ from odm.cell_map._packed import ON, packed_hit
 from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._state import IS_GOAL, view
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 # A verdict is 4 * frame + one of these. BLOCKED: by its cells; MAYBE: the search is to
 # ask the close test when it comes to it; REFUSED: the close test was asked

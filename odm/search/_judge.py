@@ -21,8 +21,8 @@ from odm.search._items import (
 )
 from odm.search._measured import clearance_of, near_free, near_free_again
 from odm.search._state import EDGE_BASE, NO_ITEM, NO_MOTION, TO_END, view
-from roadmap._rows import copy_row, same_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row, same_row
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_of
 
 FEW = 4  # motions of a frame whose points are looked up; to sort all takes as long

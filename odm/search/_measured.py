@@ -27,7 +27,7 @@ from odm.close_test._slack import (
 from odm.obstacles._cloud import N_LISTED
 from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._state import PIECES, view
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 from roadmap.kinematics._forward import body_frames, place_of
 
 SAME = 1e-7  # [m] a motion so near to one that was proved is taken for a part of it

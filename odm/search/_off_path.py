@@ -9,7 +9,7 @@ import math
 from numba import njit
 
 from odm.search._state import view
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 from roadmap.kinematics._deviation import CoverModel, DeviationWork, legs_deviation
 
 NEARBY = 12.0  # times path_tolerance: farther off by the sum is not on the path

@@ -8,8 +8,8 @@ from odm.search._items import pool_free
 from odm.search._off_path import locate_off_path, motion_deviation, nearest_share
 from odm.search._recent import ref_in_avoided
 from odm.search._state import IS_GOAL, NO_ITEM, view
-from roadmap._rows import copy_row
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import INNER, LEAN
 
 SAME_PLACE = 1e-9  # [m]
 ON = 1e-7  # [m] a tenth of what every swept radius is larger than it must be

@@ -18,7 +18,7 @@ from odm.obstacles._cloud import N_OCCUPIED
 from odm.obstacles._occupancy import list_hit
 from odm.search._items import disjoint, graph_hit
 from odm.search._state import EDGE_BASE, view
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 PERIOD_S = 0.01  # [s] between two frames where no time is given
 PERIODS = 3  # of the memory; the ring has one more

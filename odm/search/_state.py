@@ -26,7 +26,7 @@ from odm.close_test._arm import Arm, Work
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._solid_samples import Patterns
 from odm.obstacles._solids import Solids
-from roadmap.lowering import value_at
+from roadmap.compiling.lowering import value_at
 
 NO_ITEM, IS_GOAL, NO_MOTION = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free

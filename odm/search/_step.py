@@ -40,8 +40,8 @@ from odm.search._state import (
     show,
     view,
 )
-from roadmap._rows import copy_row, same_row
-from roadmap.jit_options import BRIEF, INNER, LEAN
+from roadmap.compiling._rows import copy_row, same_row
+from roadmap.compiling.jit_options import BRIEF, INNER, LEAN
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5

@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 
 @njit(**INNER)

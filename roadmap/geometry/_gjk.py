@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 from roadmap.kinematics._forward import place_of, turned_back
 
 

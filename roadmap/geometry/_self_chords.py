@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.compiling.jit_options import INNER
 from roadmap.geometry._gjk import Shell, along, separation
-from roadmap.jit_options import INNER
 from roadmap.kinematics._forward import body_frames, place_of, turned, turned_back
 
 MAX_DEPTH = 7  # halvings of a motion

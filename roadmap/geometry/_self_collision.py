@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.geometry._gjk import Shell, separation
 from roadmap.geometry._self_chords import Chords, apart_along
-from roadmap.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_of
 
 _SHORT = 0.3  # [m] displacement up to which halves are as quick as chords

@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-from roadmap._rows import copy_row
-from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 
 @njit(**LEAN)

@@ -7,7 +7,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import LEAN
+from roadmap.compiling.jit_options import LEAN
 
 
 @njit(**LEAN)

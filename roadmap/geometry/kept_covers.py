@@ -20,12 +20,12 @@ from pathlib import Path
 
 import numpy as np
 
-from roadmap.chunks import Arrays, ChunkStore
+from roadmap.builds.chunks import Arrays, ChunkStore
+from roadmap.compiling.kernel_cache import Sources
 from roadmap.errors import BuildRefused
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import cover_excess, cover_solids
-from roadmap.kernel_cache import Sources
 
 
 def kept_cover(solids: list[Solid], excess: float, closely: bool = True) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roadmap.chunks import Progress, Threads, Workers
+from roadmap.builds.chunks import Progress, Threads, Workers
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.geometry.self_collision import contact_shares
 from roadmap.graph.near import NearSpec, near_nodes

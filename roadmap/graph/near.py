@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from roadmap.chunks import Chunk, Job, Workers
+from roadmap.builds.chunks import Chunk, Job, Workers
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

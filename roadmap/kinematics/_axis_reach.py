@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import FULL, INNER
+from roadmap.compiling.jit_options import FULL, INNER
 from roadmap.kinematics._forward import place_of, turned
 
 CORNERS = 64  # of the polygon around a circle

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, BARE_INNER, WITHIN, WITHIN_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER, WITHIN, WITHIN_INNER
 from roadmap.kinematics._six import outer, root_of_determinant, solution
 
 LEVELS = 65535  # steps of a joint's lattice between its limits

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import FULL, INNER
+from roadmap.compiling.jit_options import FULL, INNER
 from roadmap.kinematics._forward import body_frames, turned
 
 # Farthest of a blend from its corner path, in d |w - u|: P of `longest_blend`.

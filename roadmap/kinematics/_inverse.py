@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap._rows import copy_row
-from roadmap.jit_options import BARE
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import BARE
 from roadmap.kinematics._chain import forward, jacobian, limited_step, pose_error
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap.jit_options import BARE, BARE_INNER
+from roadmap.compiling.jit_options import BARE, BARE_INNER
 
 MOST = 8  # solutions for one value of the free angle
 

@@ -9,7 +9,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import WITHIN_INNER
+from roadmap.compiling.jit_options import WITHIN_INNER
 
 
 @njit(**WITHIN_INNER)

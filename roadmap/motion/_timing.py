@@ -4,7 +4,7 @@ import math
 
 from numba import njit
 
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling.jit_options import INNER, LEAN
 
 _SLACK = 1.0 - 1e-6  # ruckig turns back where a length is short by a rounding
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.builds.unfinished import beside
 from roadmap.errors import BadInput
 from roadmap.ranges import check_path, is_between
-from roadmap.unfinished import beside
 
 _MOST = 10_000_000  # rows
 

@@ -32,11 +32,7 @@ class Clock:
         return result
 
     def row(
-        self,
-        name: str,
-        note: str = "",
-        keep: np.ndarray | None = None,
-        **asked: float,
+        self, name: str, note: str = "", keep: np.ndarray | None = None, **asked: float
     ) -> dict:
         """Return a row of the calls in `keep` (all when None).
 

@@ -15,7 +15,7 @@ from contextlib import suppress
 
 from numba.core.event import Event, Listener
 
-from roadmap.unfinished import temporary_folder
+from roadmap.builds.unfinished import temporary_folder
 from sim.terminal.ahead import compile_all
 from sim.terminal.compiling import TABLE
 

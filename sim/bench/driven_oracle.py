@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from odm.audit.exact import ExactObstacles, capsule_obstacles
+from odm.exact.distances import ExactObstacles, capsule_obstacles
 from odm.obstacles.obstacles import Obstacles
 from roadmap.kinematics.forward import difference
 from roadmap.motion.blending import joint_motion_bounds

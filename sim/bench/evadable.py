@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot, capsule_obstacles
+from odm.exact.distances import ExactRobot, capsule_obstacles
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
 from sim.loop.loop import Frame

@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from odm import Answer, Capsule, Obstacles, ReactivePlanner, sample_capsules
-from odm.audit.exact import ExactRobot
 from odm.cell_map.cell_map import CellMap
 from odm.close_test.static import StaticTest
+from odm.exact.distances import ExactRobot
 from roadmap.arrays import frozen
 from roadmap.errors import PlanningError
 from roadmap.kinematics.forward import difference, tool_pose

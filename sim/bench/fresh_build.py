@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from sim.run.crew import Place, begin_ahead, crew
 
 if TYPE_CHECKING:
-    from roadmap.chunks import Workers
+    from roadmap.builds.chunks import Workers
 
 _CODE = "odm.cell_map.chunk_code"
 _LOOK_S = 5.0  # between two looks at processes that may have ended meanwhile

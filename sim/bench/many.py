@@ -7,10 +7,7 @@ from odm.processes import in_processes
 
 
 def play_all(
-    play: Callable[[Any], dict],
-    jobs: list,
-    processes: int,
-    tell: Callable[[str], None],
+    play: Callable[[Any], dict], jobs: list, processes: int, tell: Callable[[str], None]
 ) -> list[dict]:
     """Play all jobs, and tell how many are done.
 

@@ -28,7 +28,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot, capsule_obstacles
+from odm.exact.distances import ExactRobot, capsule_obstacles
 from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles

@@ -19,9 +19,10 @@ from sim.terminal.flags import (
     JointNames,
     Json,
     argument,
-    flag,
     flags_of,
     from_request,
+    optional,
+    switch,
 )
 
 _COMMAND = "sim.bench.command"
@@ -44,105 +45,81 @@ class BenchRequest:
         "targets, interrupts, peers, scale, view or golden.",
         metavar="NAME",
     )
-    map_dir: Path | None = flag(
-        None,
+    map_dir: Path | None = optional(
         "A map's folder; the one that the bench is meant for, built where it lacks, "
         "if left.",
         "--map",
         metavar="MAP",
     )
-    seed: int | None = flag(
-        None, "Same seed, same frames.", limits=Limits(0, MOST_SEED)
-    )
-    short: bool = flag(False, "Show that it runs; measure nothing.", "--short")
-    quick: bool = flag(False, "Fewer frames, within 5 min (peers).", "--quick")
-    node_counts: str | None = flag(
-        None,
+    seed: int | None = optional("Same seed, same frames.", limits=Limits(0, MOST_SEED))
+    short: bool = switch("Show that it runs; measure nothing.")
+    quick: bool = switch("Fewer frames, within 5 min (peers).")
+    node_counts: str | None = optional(
         "Node counts of the maps, comma-separated (scale, build).",
         "--nodes",
         metavar="N,N,...",
     )
-    cells: str | None = flag(
-        None, "Cell sizes in m, comma-separated (scale).", metavar="M,M,..."
+    cells: str | None = optional(
+        "Cell sizes in m, comma-separated (scale).", metavar="M,M,..."
     )
-    out: Path | None = flag(
-        None,
+    out: Path | None = optional(
         "Folder where maps or draws are kept and found again (scale, handover).",
         writes=FOLDER,
     )
-    execution: str | None = flag(
-        None, "How the robot moves (motions, targets).", metavar="kinematic|timed"
+    execution: str | None = optional(
+        "How the robot moves (motions, targets).", metavar="kinematic|timed"
     )
-    pushed: bool = flag(False, "Push the robot meanwhile (motions).", "--pushed")
-    seconds: float | None = flag(
-        None, "Simulated time of each run, s (motions, targets).", limits=SECONDS
+    pushed: bool = switch("Push the robot meanwhile (motions).")
+    seconds: float | None = optional(
+        "Simulated time of each run, s (motions, targets).", limits=SECONDS
     )
-    seeds: int | None = flag(None, "Runs of each motion (motions).", limits=_COUNT)
-    processes: int | None = flag(
-        None, "Runs at a time (motions, story).", limits=Limits(1, MOST_WORKERS)
+    seeds: int | None = optional("Runs of each motion (motions).", limits=_COUNT)
+    processes: int | None = optional(
+        "Runs at a time (motions, story).", limits=Limits(1, MOST_WORKERS)
     )
-    motions: list[str] | None = flag(
-        None,
-        "Run this motion only; again for more (motions).",
-        "--motion",
-        metavar="NAME",
+    motions: list[str] | None = optional(
+        "Run this motion only; again for more (motions).", "--motion", metavar="NAME"
     )
-    runs: int | None = flag(
-        None, "Draws of each scene (handover, story).", limits=_COUNT
+    runs: int | None = optional("Draws of each scene (handover, story).", limits=_COUNT)
+    repeats: int | None = optional(
+        "Times each run is played; of a frame the least counts (story).", limits=_COUNT
     )
-    repeats: int | None = flag(
-        None,
-        "Times each run is played; of a frame the least counts (story).",
-        limits=_COUNT,
+    varied: bool = switch("Other scenes than the paper's, drawn by seed (handover).")
+    workers: int | None = optional(
+        "Build on so many processes, too (build).", limits=Limits(1, MOST_WORKERS)
     )
-    varied: bool = flag(
-        False, "Other scenes than the paper's, drawn by seed (handover).", "--varied"
+    reach: Path | None = optional("Reach map (targets, story, view).", metavar="DIR")
+    pads: list[str] | None = optional(
+        "A link that may touch an object; again for more (story, view).", metavar="LINK"
     )
-    workers: int | None = flag(
-        None,
-        "Build on so many processes, too (build).",
-        limits=Limits(1, MOST_WORKERS),
-    )
-    reach: Path | None = flag(None, "Reach map (targets, story, view).", metavar="DIR")
-    pads: list[str] | None = flag(
-        None,
-        "A link that may touch an object; again for more (story, view).",
-        metavar="LINK",
-    )
-    distances: list[float] | None = flag(
-        None,
+    distances: list[float] | None = optional(
         "Distance of the person, in m; again for more (targets).",
         "--distance",
         limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
     )
-    files: list[Path] | None = flag(
-        None, "A recording to use; again for more.", "--file", metavar="F"
+    files: list[Path] | None = optional(
+        "A recording to use; again for more.", "--file", metavar="F"
     )
     mapping: JointNames = None
-    accept_defects: bool = flag(
-        False,
-        "Play recordings that show what no person does (motions).",
-        "--accept-defects",
+    accept_defects: bool = switch(
+        "Play recordings that show what no person does (motions)."
     )
-    plot: Path | None = flag(
-        None, "Draw the figures, or the page (view), if it can.", writes=PICTURE
+    plot: Path | None = optional(
+        "Draw the figures, or the page (view), if it can.", writes=PICTURE
     )
-    card: bool = flag(False, "The graphics card draws the page (view).", "--card")
-    against: Path | None = flag(
-        None, "Another checkout to compare with (golden).", metavar="DIR"
+    card: bool = switch("The graphics card draws the page (view).")
+    against: Path | None = optional(
+        "Another checkout to compare with (golden).", metavar="DIR"
     )
-    only: list[str] | None = flag(
-        None, "Run this item only; again for more (golden, handover).", metavar="ITEM"
+    only: list[str] | None = optional(
+        "Run this item only; again for more (golden, handover).", metavar="ITEM"
     )
-    write: Path | None = flag(
-        None, "Keep what this checkout does (golden).", writes=Writes()
+    write: Path | None = optional(
+        "Keep what this checkout does (golden).", writes=Writes()
     )
-    read: Path | None = flag(
-        None, "Compare with what was kept (golden).", metavar="FILE"
-    )
-    latency: bool = flag(False, "Time frames of both, in turn (golden).", "--latency")
-    markdown: str | None = flag(
-        None,
+    read: Path | None = optional("Compare with what was kept (golden).", metavar="FILE")
+    latency: bool = switch("Time frames of both, in turn (golden).")
+    markdown: str | None = optional(
         "Put the table between the markers in FILE.md; alone: print it.",
         "--markdown",
         metavar="FILE",

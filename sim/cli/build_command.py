@@ -11,7 +11,15 @@ import typer
 from sim.run.crew import HERE, Place, begin_ahead, crew
 from sim.run.folders import MAPS, check_map_folder
 from sim.terminal.checks import FOLDER, MOST_WORKERS, Limits, Refused, check_choice
-from sim.terminal.flags import Json, Threads, argument, flag, from_request
+from sim.terminal.flags import (
+    Json,
+    Threads,
+    argument,
+    flag,
+    from_request,
+    optional,
+    switch,
+)
 from sim.terminal.output import bytes_text, counted, report
 from sim.terminal.progress import Bars, now_compiling
 
@@ -37,65 +45,53 @@ class BuildRequest:
     recipe: str | None = argument(
         None, "Name or .toml path of a recipe; or give --robot."
     )
-    out: Path | None = flag(
-        None, "The map's folder; maps/built/NAME if left.", writes=FOLDER
+    out: Path | None = optional(
+        "The map's folder; maps/built/NAME if left.", writes=FOLDER
     )
     threads: Threads = 0
-    force: bool = flag(False, "Replace a map of another recipe.", "--force")
-    suggest: bool = flag(False, "Table of sizes; nothing is built.", "--suggest")
-    robot: str | None = flag(
-        None, "URDF file of your robot.", metavar="URDF", panel=_OWN
-    )
-    tip: str | None = flag(None, "Link of the tool.", metavar="LINK", panel=_OWN)
-    lock: list[str] | None = flag(
-        None,
+    force: bool = switch("Replace a map of another recipe.")
+    suggest: bool = switch("Table of sizes; nothing is built.")
+    robot: str | None = optional("URDF file of your robot.", metavar="URDF", panel=_OWN)
+    tip: str | None = optional("Link of the tool.", metavar="LINK", panel=_OWN)
+    lock: list[str] | None = optional(
         "Make a joint rigid, at a value in rad or m; may be repeated.",
         metavar="JOINT=VALUE",
         panel=_OWN,
     )
-    name: str | None = flag(None, "Name of the map.", panel=_OWN)
-    srdf: str | None = flag(None, "Link pairs not to test.", metavar="SRDF", panel=_OWN)
-    scenery: list[str] | None = flag(
-        None,
+    name: str | None = optional("Name of the map.", panel=_OWN)
+    srdf: str | None = optional("Link pairs not to test.", metavar="SRDF", panel=_OWN)
+    scenery: list[str] | None = optional(
         "What stands around: a MoveIt .scene or a URDF; may be repeated.",
         metavar="FILE",
     )
-    nodes: int | None = flag(
-        None, "Nodes of the roadmap.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
+    nodes: int | None = optional(
+        "Nodes of the roadmap.", panel=_COST, limits=Limits(2, 5_000_000, "nodes")
     )
-    neighbors: int | None = flag(
-        None, "Edges tried per node.", panel=_COST, limits=Limits(1, 500)
+    neighbors: int | None = optional(
+        "Edges tried per node.", panel=_COST, limits=Limits(1, 500)
     )
-    h: float | None = flag(
-        None,
+    h: float | None = optional(
         "Cell size in m.",
         panel=_COST,
         limits=Limits(0.002, 1.0, "m", hint="4 cm are 0.04"),
     )
-    rho: float | None = flag(
-        None,
+    rho: float | None = optional(
         "Covering radius of samples in m.",
         panel=_COST,
         limits=Limits(0.0005, 0.5, "m", hint="3 cm are 0.03"),
     )
-    seed: int | None = flag(
-        None, "Seed of the sampled nodes.", panel=_COST, limits=Limits(0, 2**63 - 1)
+    seed: int | None = optional(
+        "Seed of the sampled nodes.", panel=_COST, limits=Limits(0, 2**63 - 1)
     )
     workers: int = flag(
-        0,
-        "Processes of a cluster made here.",
-        panel=_CLUSTER,
-        min=0,
-        max=MOST_WORKERS,
+        0, "Processes of a cluster made here.", panel=_CLUSTER, min=0, max=MOST_WORKERS
     )
-    scheduler: str | None = flag(
-        None,
+    scheduler: str | None = optional(
         "Scheduler of a running Dask cluster.",
         panel=_CLUSTER,
         metavar="tcp://HOST:8786",
     )
-    shared: Path | None = flag(
-        None,
+    shared: Path | None = optional(
         "Folder that all workers see; results go there, not over the network.",
         panel=_CLUSTER,
         writes=FOLDER,
@@ -322,8 +318,7 @@ def warmup(
         ),
     ] = None,
     fine: Annotated[
-        bool,
-        typer.Option("--fine", help="Also for grids of more than 65535 blocks."),
+        bool, typer.Option("--fine", help="Also for grids of more than 65535 blocks.")
     ] = False,
 ) -> None:
     """Compile all kernels ahead, so that no frame ever pays for it."""

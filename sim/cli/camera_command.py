@@ -12,6 +12,7 @@ from sim.terminal.flags import (
     argument,
     flag,
     from_request,
+    optional,
     refuse_beside,
 )
 from sim.terminal.output import FINDING, leave, report
@@ -54,8 +55,7 @@ class CameraRequest:
         panel=_CAMERA,
         limits=_POINT,
     )
-    pose: Six | None = flag(
-        None,
+    pose: Six | None = optional(
         "Instead: pose of its axes (x right, y down, z forward), base frame, m, "
         "degrees.",
         metavar="X Y Z ROLL PITCH YAW",
@@ -63,8 +63,8 @@ class CameraRequest:
         limits=(*_POINT, TURN, TURN, TURN),
     )
     fx: float = flag(_FX, "Focal length, pixels.", panel=_CAMERA, limits=PIXELS)
-    fy: float | None = flag(
-        None, "The same along v; default: fx.", panel=_CAMERA, limits=PIXELS
+    fy: float | None = optional(
+        "The same along v; default: fx.", panel=_CAMERA, limits=PIXELS
     )
     cx: float = flag(_CX, "Principal point, pixels.", panel=_CAMERA, limits=_CENTRE)
     cy: float = flag(_CY, "Principal point, pixels.", panel=_CAMERA, limits=_CENTRE)
@@ -74,17 +74,15 @@ class CameraRequest:
         panel=_CAMERA,
         limits=Limits(0.0, 1.0, "m", above=True, hint="pixels in mm have 0.001"),
     )
-    q: str | None = flag(
-        None, "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
+    q: str | None = optional(
+        "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
     )
-    d_self: float | None = flag(
-        None,
+    d_self: float | None = optional(
         "Take the robot's own points away, within so many m of its cover.",
         panel=_CELLS,
         limits=Limits(0.0, 0.01, "m"),
     )
-    flying: float | None = flag(
-        None,
+    flying: float | None = optional(
         "Take flying pixels away, so many m from both neighbours.",
         panel=_CELLS,
         limits=Limits(0.001, 1.0, "m"),
@@ -96,7 +94,7 @@ class CameraRequest:
         metavar="free|occupied|keep",
         panel=_CELLS,
     )
-    plot: Path | None = flag(None, "Draw the cells beside the image.", writes=PICTURE)
+    plot: Path | None = optional("Draw the cells beside the image.", writes=PICTURE)
     json: Json = None
 
 

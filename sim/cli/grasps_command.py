@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sim.run.folders import GRASPS, check_kind_of
 from sim.terminal.checks import FOLDER, MOST_SEED, PICTURE, Limits
-from sim.terminal.flags import Json, Threads, argument, flag, from_request
+from sim.terminal.flags import Json, Threads, argument, flag, from_request, optional
 from sim.terminal.output import bytes_text, report
 from sim.terminal.progress import Bars
 
@@ -22,11 +22,10 @@ class GraspsRequest:
         ..., "cup, hammer, food_jar, wrench, mallet, box or a mesh file."
     )
     hand: str = flag(..., "sdh, hubo_left, hubo_right or panda.")
-    out: Path | None = flag(
-        None, "The folder; maps/built/grasps/OBJECT-HAND if left.", writes=FOLDER
+    out: Path | None = optional(
+        "The folder; maps/built/grasps/OBJECT-HAND if left.", writes=FOLDER
     )
-    mass: float | None = flag(
-        None,
+    mass: float | None = optional(
         "Mass of the object of a mesh file, kg.",
         limits=Limits(0.0, 100.0, "kg", above=True, hint="such as 0.3"),
     )
@@ -44,7 +43,7 @@ class GraspsRequest:
     )
     seed: int = flag(1, "Same seed, same set.", limits=Limits(0, MOST_SEED))
     threads: Threads = 0
-    plot: Path | None = flag(None, "Draw the object and its grasps.", writes=PICTURE)
+    plot: Path | None = optional("Draw the object and its grasps.", writes=PICTURE)
     json: Json = None
 
 
@@ -74,7 +73,7 @@ class GraspsInfoRequest:
     """What `odm grasps info` is asked for."""
 
     folder: Path = argument(..., "Folder of a grasp set.", metavar="GRASPS")
-    plot: Path | None = flag(None, "Draw the object and its grasps.", writes=PICTURE)
+    plot: Path | None = optional("Draw the object and its grasps.", writes=PICTURE)
     json: Json = None
 
 

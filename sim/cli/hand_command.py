@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
-from sim.terminal.flags import Json, Posture, Side, flag, from_request
+from sim.terminal.flags import Json, Posture, Side, flag, from_request, optional
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
@@ -32,7 +32,7 @@ class HandRequest:
         "Rotations of the hand tried at each place: 72, 576, 1944...",
         limits=ROTATIONS,
     )
-    plot: Path | None = flag(None, "Draw the cuts.", writes=PICTURE)
+    plot: Path | None = optional("Draw the cuts.", writes=PICTURE)
     json: Json = None
 
 

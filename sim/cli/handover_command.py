@@ -8,7 +8,7 @@ import typer
 
 from sim.run.folders import GRASPS
 from sim.terminal.checks import FILM, MOST_SEED, PICTURE, Limits, Writes
-from sim.terminal.flags import Json, argument, flag, from_request
+from sim.terminal.flags import Json, argument, flag, from_request, optional
 from sim.terminal.output import Bars, bytes_text, report
 
 if TYPE_CHECKING:
@@ -31,15 +31,12 @@ class PlanRequest:
         limits=Limits(0.0, 86_400.0, "s", above=True, hint="such as 60"),
     )
     grasps: Path = flag(GRASPS, "Folder of the grasp sets.", metavar="DIR")
-    out: Path | None = flag(
-        None,
+    out: Path | None = optional(
         "Write the plan to this file, for `odm replay` and others.",
         writes=Writes((".json",), "plan"),
     )
-    animation: Path | None = flag(None, "Write a film of it.", writes=FILM)
-    plot: Path | None = flag(
-        None, "Draw the hand-over from three sides.", writes=PICTURE
-    )
+    animation: Path | None = optional("Write a film of it.", writes=FILM)
+    plot: Path | None = optional("Draw the hand-over from three sides.", writes=PICTURE)
     json: Json = None
 
 

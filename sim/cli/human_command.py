@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sim.people.grips import grip_points
 from sim.terminal.checks import HEIGHT, PICTURE, Limits
-from sim.terminal.flags import Json, Posture, flag, from_request
+from sim.terminal.flags import Json, Posture, flag, from_request, optional
 from sim.terminal.output import report
 
 if TYPE_CHECKING:
@@ -19,8 +19,7 @@ class HumanRequest:
 
     height: float = flag(1.75, "Body height in m, 1.2 to 2.2.", limits=HEIGHT)
     posture: Posture = "standing"
-    mass: float | None = flag(
-        None,
+    mass: float | None = optional(
         "Body mass in kg; default: a body mass index of 24.",
         limits=Limits(0.0, 400.0, "kg", above=True),
     )
@@ -29,8 +28,8 @@ class HumanRequest:
         "Of the body: thick and clothed, or mean.",
         metavar="conservative|mean",
     )
-    plot: Path | None = flag(
-        None, "Draw the person, the reach and the joint ranges.", writes=PICTURE
+    plot: Path | None = optional(
+        "Draw the person, the reach and the joint ranges.", writes=PICTURE
     )
     json: Json = None
 

@@ -16,7 +16,9 @@ from sim.terminal.flags import (
     Threads,
     flag,
     from_request,
+    optional,
     refuse_beside,
+    switch,
 )
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
@@ -36,12 +38,10 @@ class InfoRequest:
     """What `odm info` is asked for."""
 
     map_dir: MapArgument
-    overhead: bool = flag(
-        False,
-        "Also the clearance overhead; the first time compiles for a while.",
-        "--overhead",
+    overhead: bool = switch(
+        "Also the clearance overhead; the first time compiles for a while."
     )
-    plot: Path | None = flag(None, "Draw what the map covers.", writes=PICTURE)
+    plot: Path | None = optional("Draw what the map covers.", writes=PICTURE)
     json: Json = None
 
 
@@ -73,15 +73,13 @@ class AuditRequest:
     map_dir: MapArgument
     pairs: int = flag(100_000, "Pairs tested.", min=1, max=10**12)
     seed: Seed = 0
-    close: bool = flag(False, "Ask the close test, not the cells.", "--close")
-    payload: bool = flag(False, "With the payload envelope in the hand.", "--payload")
-    sabotage: str | None = flag(
-        None,
+    close: bool = switch("Ask the close test, not the cells.")
+    payload: bool = switch("With the payload envelope in the hand.")
+    sabotage: str | None = optional(
         "Take this term of the proof away: the audit must fail.",
         metavar="rho|mu|sphere|certificate",
     )
-    sequences: int | None = flag(
-        None,
+    sequences: int | None = optional(
         "Attack what a planner remembers instead: N random frames in which "
         "the robot is pushed, goals change, sensors fail; each leg is judged anew.",
         min=1,

@@ -9,7 +9,7 @@ from sim.cli.hand_command import place_text
 from sim.run.folders import REACH_MAPS
 from sim.run.request import held_object
 from sim.terminal.checks import HEIGHT, PICTURE, ROTATIONS, Limits
-from sim.terminal.flags import Json, Lock, Posture, Side, flag, from_request
+from sim.terminal.flags import Json, Lock, Posture, Side, flag, from_request, optional
 from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
@@ -24,15 +24,12 @@ class MeetRequest:
     """What `odm workspace meet` is asked for."""
 
     robot: str = flag(..., "Its name, or its URDF.", metavar="NAME")
-    tip: str | None = flag(
-        None, "Link of the tool, as of its reach map.", metavar="LINK"
-    )
+    tip: str | None = optional("Link of the tool, as of its reach map.", metavar="LINK")
     lock: Lock = None
     height: float = flag(
         1.75, "Body height of the person in m, 1.2 to 2.2.", limits=HEIGHT
     )
-    distance: list[float] | None = flag(
-        None,
+    distance: list[float] | None = optional(
         "From the robot's base to the person's pelvis along the base's x, m; "
         "0.9 if left; again for more.",
         limits=Limits(-5.0, 5.0, "m", hint="90 cm are 0.9"),
@@ -59,24 +56,20 @@ class MeetRequest:
     rotations: int = flag(
         72, "Cells of rotation: 72 (60 deg), 576 (30 deg)...", limits=ROTATIONS
     )
-    base_height: float | None = flag(
-        None,
+    base_height: float | None = optional(
         "Of the robot's base above the floor, m; left: 0 for a robot whose "
         "own base is taller than 0.5 m, else 0.75.",
         limits=Limits(-5.0, 5.0, "m"),
     )
-    reach: Path | None = flag(
-        None, "Reach map; maps/built/reach/NAME if left.", metavar="DIR"
+    reach: Path | None = optional(
+        "Reach map; maps/built/reach/NAME if left.", metavar="DIR"
     )
-    human_reach: Path | None = flag(
-        None,
+    human_reach: Path | None = optional(
         "Reach map of a person's arm, for the dexterity; left: "
         "maps/built/reach/human where it is, else a coarse one made on the spot.",
         metavar="DIR",
     )
-    plot: Path | None = flag(
-        None, "Draw cuts, robot, person and target.", writes=PICTURE
-    )
+    plot: Path | None = optional("Draw cuts, robot, person and target.", writes=PICTURE)
     json: Json = None
 
 

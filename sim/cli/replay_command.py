@@ -14,10 +14,11 @@ from sim.terminal.checks import FILM, FOLDER, RECORDING, Limits, Refused, Writes
 from sim.terminal.flags import (
     Json,
     argument,
-    flag,
     from_request,
     of_panels,
+    optional,
     refuse_beside,
+    switch,
 )
 from sim.terminal.output import report, write_text
 from sim.terminal.progress import Bars
@@ -43,53 +44,40 @@ class ReplayRequest:
         "A recording of `odm run --record`, or a plan of `odm handover plan`.",
         metavar="FILE",
     )
-    map_dir: Path | None = flag(
-        None, "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
+    map_dir: Path | None = optional(
+        "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
     )
-    reach: Path | None = flag(
-        None,
+    reach: Path | None = optional(
         "Its reach map, of a hand-over or a run to targets; default: "
         "maps/built/reach/ROBOT.",
         metavar="DIR",
     )
     json: Json = None
-    holds: bool = flag(
-        False, "Only list the recorded holds with their reasons.", "--holds", panel=_RUN
-    )
-    record: Path | None = flag(
-        None,
+    holds: bool = switch("Only list the recorded holds with their reasons.", panel=_RUN)
+    record: Path | None = optional(
         "Record the replay: the same bytes, where it is the same.",
         panel=_RUN,
         writes=RECORDING,
     )
-    recipe_out: Path | None = flag(
-        None,
+    recipe_out: Path | None = optional(
         "Only write the recipe of the recorded map.",
         panel=_RUN,
         writes=Writes((".toml",), "recipe"),
     )
-    build: Path | None = flag(
-        None,
+    build: Path | None = optional(
         "Only build the recorded map, for which no URDF is needed.",
         panel=_RUN,
         writes=FOLDER,
     )
-    animation: Path | None = flag(None, "Write a film of it.", panel=_PLAN, writes=FILM)
-    frames: Path | None = flag(
-        None, "The frames; or FILE.", metavar="NPZ", panel=_FRAMES
-    )
-    always_replan: bool = flag(
-        False, "Search anew in every frame.", "--always-replan", panel=_FRAMES
-    )
-    spacing: float | None = flag(
-        None,
+    animation: Path | None = optional("Write a film of it.", panel=_PLAN, writes=FILM)
+    frames: Path | None = optional("The frames; or FILE.", metavar="NPZ", panel=_FRAMES)
+    always_replan: bool = switch("Search anew in every frame.", panel=_FRAMES)
+    spacing: float | None = optional(
         "Covering radius of samples on capsules, in m; default: 0.03 or the map's rho.",
         limits=Limits(0.0, 0.5, "m", above=True, hint="3 cm are 0.03"),
         panel=_FRAMES,
     )
-    paths: bool = flag(
-        False, "Keep each frame's path in the JSON.", "--paths", panel=_FRAMES
-    )
+    paths: bool = switch("Keep each frame's path in the JSON.", panel=_FRAMES)
 
 
 @from_request(ReplayRequest)

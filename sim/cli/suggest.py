@@ -19,7 +19,7 @@ from odm.cell_map.sweep import sweep_roadmap
 from odm.close_test.static import StaticTest, always_touching, with_insides
 from odm.obstacles.grid import grid_for
 from odm.obstacles.scenery import parse_scenery
-from roadmap.chunks import Threads
+from roadmap.builds.chunks import Threads
 from roadmap.errors import BuildRefused
 from roadmap.graph.connecting import RoadmapSettings, no_edges
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap
@@ -272,7 +272,7 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
         "given up, on average; close: by the close test, which asks points where cells "
         "block. More nodes: shorter ways round; smaller cells: nearer passes. "
         "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
-        "about that size, by `odm bench scale`.",
+        "about that size, by `odm bench scale`."
     )
     console.print(_advice(recipe, best))
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import typer
 
 from sim.terminal.checks import FILM, PICTURE, PICTURES, PLACE, RATE, SECONDS, TURN
-from sim.terminal.flags import Json, flag, from_request
+from sim.terminal.flags import Json, flag, from_request, optional
 from sim.terminal.output import report, show_json
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
     from odm import CellMap
-    from roadmap.chunks import Progress
+    from roadmap.builds.chunks import Progress
     from sim.two.two_result import TwoResult
 
 ALONE_S = 20.0  # simulated, to see how many trips a robot makes alone
@@ -29,11 +29,10 @@ class TwoRequest:
     """What `odm run-two` is asked for."""
 
     map_dir: Path = flag(..., "Map of the first robot.", "--map", metavar="MAP")
-    other_map: Path | None = flag(
-        None, "Map of the second; default: the same.", metavar="MAP"
+    other_map: Path | None = optional(
+        "Map of the second; default: the same.", metavar="MAP"
     )
-    base: tuple[float, float, float] | None = flag(
-        None,
+    base: tuple[float, float, float] | None = optional(
         "Base of the second in the first one's base frame: m, m, degrees; "
         "default: they face each other and share what lies between.",
         metavar="X Y YAW",
@@ -46,9 +45,9 @@ class TwoRequest:
     )
     seconds: float = flag(120.0, "Simulated time in s.", limits=SECONDS)
     rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
-    plot: Path | None = flag(None, "Draw the closest moment.", writes=PICTURE)
-    animation: Path | None = flag(None, "Write a short film.", writes=FILM)
-    out: Path | None = flag(None, "Write both and the figures.", writes=PICTURES)
+    plot: Path | None = optional("Draw the closest moment.", writes=PICTURE)
+    animation: Path | None = optional("Write a short film.", writes=FILM)
+    out: Path | None = optional("Write both and the figures.", writes=PICTURES)
     json: Json = None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sim.run.folders import MAPS
 from sim.terminal import interrupt
 from sim.terminal.checks import Limits
-from sim.terminal.flags import argument, flag, from_request, refuse_beside
+from sim.terminal.flags import argument, flag, from_request, optional, refuse_beside
 
 if TYPE_CHECKING:
     from odm import CellMap
@@ -37,8 +37,7 @@ class ViewRequest:
     file: Path | None = argument(
         None, "A recording of `odm run --record`.", metavar="FILE"
     )
-    map_dir: Path | None = flag(
-        None,
+    map_dir: Path | None = optional(
         "A map's folder: alone, or for the cells and edges of a recording.  "
         "[maps/built/NAME of the recording]",
         "--map",
@@ -52,7 +51,7 @@ class ViewRequest:
         "comes for a token, which is part of the address that is printed; it goes over "
         "the network unencrypted, so use an SSH tunnel where others listen.",
     )
-    token: str | None = flag(None, "The token; default: a new one where one is needed.")
+    token: str | None = optional("The token; default: a new one where one is needed.")
 
 
 @from_request(ViewRequest)

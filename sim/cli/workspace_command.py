@@ -24,6 +24,7 @@ from sim.terminal.flags import (
     argument,
     flag,
     from_request,
+    optional,
     refuse_beside,
 )
 from sim.terminal.output import bytes_text, report
@@ -48,10 +49,10 @@ class ReachRequest:
     """What `odm workspace build` is asked for."""
 
     source: str = argument(..., "Name of a robot, its URDF, or human.", metavar="ROBOT")
-    out: Path | None = flag(
-        None, "The folder; maps/built/reach/NAME if left.", writes=FOLDER
+    out: Path | None = optional(
+        "The folder; maps/built/reach/NAME if left.", writes=FOLDER
     )
-    tip: str | None = flag(None, "Link of the tool.", metavar="LINK")
+    tip: str | None = optional("Link of the tool.", metavar="LINK")
     lock: Lock = None
     cell: float = flag(
         0.05,
@@ -61,13 +62,11 @@ class ReachRequest:
     rotations: int = flag(
         576, "Cells of rotation: 72 (60 deg), 576 (30 deg)...", limits=ROTATIONS
     )
-    samples: int | None = flag(
-        None,
+    samples: int | None = optional(
         "Configurations drawn before cells are marked.",
         limits=Limits(1000, 4_000_000_000),
     )
-    seconds: float | None = flag(
-        None,
+    seconds: float | None = optional(
         "Stop after so many s of the clock; the map depends on the machine.",
         "--stop-after",
         limits=SECONDS,
@@ -82,14 +81,14 @@ class ReachRequest:
     workers: int = flag(
         0, "Processes of a Dask cluster made here.", min=0, max=MOST_WORKERS
     )
-    scheduler: str | None = flag(
-        None, "Scheduler of a running Dask cluster.", metavar="tcp://HOST:8786"
+    scheduler: str | None = optional(
+        "Scheduler of a running Dask cluster.", metavar="tcp://HOST:8786"
     )
-    shared: Path | None = flag(
-        None, "Folder that all workers see; results go there.", writes=FOLDER
+    shared: Path | None = optional(
+        "Folder that all workers see; results go there.", writes=FOLDER
     )
     recall: Poses = 2000
-    plot: Path | None = flag(None, "Draw cuts through the map.", writes=PICTURE)
+    plot: Path | None = optional("Draw cuts through the map.", writes=PICTURE)
     json: Json = None
 
 
@@ -128,7 +127,7 @@ class ReachInfoRequest:
 
     map_dir: Path = argument(..., "Folder of a reach map.", metavar="MAP")
     recall: Poses = 0
-    plot: Path | None = flag(None, "Draw cuts through the map.", writes=PICTURE)
+    plot: Path | None = optional("Draw cuts through the map.", writes=PICTURE)
     json: Json = None
 
 

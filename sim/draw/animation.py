@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.geometry.gaps import beads
 from roadmap.kinematics.forward import cover_balls, difference, tool_pose
 from roadmap.ranges import settings_of

@@ -1,5 +1,7 @@
 """Draws robot and person from the sphere cover alone: pictures without pybullet."""
 
+from contextlib import AbstractContextManager
+
 import numpy as np
 
 from odm import CellMap
@@ -17,7 +19,7 @@ LIGHT = np.array([-0.25, 0.65, 0.72])  # towards the lamp, in the camera's frame
 BEAD = 0.006  # distance of the balls a capsule is drawn with [m]
 
 
-class CoverWorld:
+class CoverWorld(AbstractContextManager):
     """In place of `sim.draw.world.World` without pybullet: draws the cover."""
 
     def __init__(self, robot: Robot) -> None:
@@ -25,9 +27,6 @@ class CoverWorld:
         link = np.asarray(robot.sphere_link) % 2
         self._colours = np.array(LINKS)[link]
         self._balls = self._still = np.zeros((0, 7))
-
-    def __enter__(self) -> "CoverWorld":
-        return self
 
     def __exit__(self, *_: object) -> None:
         """Do nothing: nothing is open."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from sim.draw.style import AMBER, FAINT, INK, PURPLE, RED, TEAL, rgb
 from sim.draw.viewpoint import Camera
 

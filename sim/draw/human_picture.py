@@ -10,6 +10,7 @@ from handover.human.anthropometry import ARM_JOINTS
 from roadmap.errors import BadInput
 from roadmap.transforms import moved_points
 from sim.draw import style
+from sim.draw.silhouette import Silhouette
 from sim.people.grips import grip_points
 from sim.people.mocap.mocap_motion import MocapMotion
 
@@ -64,10 +65,8 @@ def _draw_view(
         axis.annotate("", ends[1], ends[0], arrowprops=arrow)
     _draw_steps(axis, human, i)
     style.draw_floor(axis)
-    ends, radii = rods[:, :6].reshape(-1, 3), np.repeat(rods[:, 6:], 2, axis=0)
-    all_points = [ends - radii, ends + radii, points[near]]
-    low = np.min([p.min(axis=0) for p in all_points], axis=0) - 0.08
-    high = np.max([p.max(axis=0) for p in all_points], axis=0) + 0.08
+    shown = np.concatenate([Silhouette(rods).points(), points[near]])
+    low, high = shown.min(axis=0) - 0.08, shown.max(axis=0) + 0.08
     # from the front, the person's left is on our right
     axis.set(xlim=(low[i], high[i]), ylim=(min(low[j], -0.05), high[j]))
     style.space_axes(axis, along, view="height ")
@@ -192,9 +191,9 @@ def write_strip(
 def _limits(motion: MocapMotion, times: list[float]) -> list[tuple[float, float]]:
     """Return (low, high) of x, y and z that show the robot and the person [m]."""
     people = np.concatenate([motion.guess(t) for t in times])
-    ends, radii = people[:, :6].reshape(-1, 3), np.repeat(people[:, 6:], 2, axis=0)
-    low = np.minimum((ends - radii).min(axis=0), [-0.15, -0.5, -0.1]) - 0.05
-    high = np.maximum((ends + radii).max(axis=0), [0.75, 0.5, 0.75]) + 0.05
+    shown = Silhouette(people).points()
+    low = np.minimum(shown.min(axis=0), [-0.15, -0.5, -0.1]) - 0.05
+    high = np.maximum(shown.max(axis=0), [0.75, 0.5, 0.75]) + 0.05
     return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 

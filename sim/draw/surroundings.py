@@ -85,10 +85,7 @@ def add_shaded(
     colours = np.concatenate(
         [np.tile(to_rgb(colour), (len(corners), 1)) for corners, colour in parts]
     )
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-    shade = 0.62 + 0.38 * np.abs(normal @ _LIGHT)
+    shade = 0.62 + 0.38 * np.abs(normals_of(triangles) @ _LIGHT)
     axis.add_collection3d(
         Poly3DCollection(triangles, facecolors=colours * shade[:, None], linewidths=0.0)
     )
@@ -96,6 +93,13 @@ def add_shaded(
     axis.set_box_aspect((1, 1, 1), zoom=zoom)
     axis.set_axis_off()
     return triangles
+
+
+def normals_of(triangles: np.ndarray) -> np.ndarray:
+    """Return the unit normals (n, 3) of triangles (n, 3, 3)."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normal = np.cross(b - a, c - a)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
 
 
 def show_box(axis: object, low: np.ndarray, high: np.ndarray) -> None:

@@ -104,10 +104,7 @@ def clearest(
 
 
 def framed(
-    camera: Camera,
-    balls: np.ndarray,
-    cut: float = CUT,
-    tool: np.ndarray | None = None,
+    camera: Camera, balls: np.ndarray, cut: float = CUT, tool: np.ndarray | None = None
 ) -> Camera:
     """Return the camera, farther away where a body is too large for the picture.
 

@@ -21,7 +21,7 @@ from roadmap.robot.meshes import find_mesh
 from roadmap.robot.robot import Robot
 from roadmap.transforms import rotation_to_z
 from sim.draw.style import FURNITURE, LOAD, person_colours
-from sim.draw.surroundings import capsule_mesh
+from sim.draw.surroundings import capsule_mesh, normals_of
 from sim.draw.viewpoint import Camera
 from sim.loop.carried import ball_rows
 
@@ -53,7 +53,7 @@ class SimulatorMissing(PlanningError):
         )
 
 
-class World:
+class World(contextlib.AbstractContextManager):
     """A robot and a person of capsules, both moved by hand.
 
     Args:
@@ -68,10 +68,7 @@ class World:
     """
 
     def __init__(
-        self,
-        urdf: str | Path,
-        robot: Robot,
-        locked: Mapping[str, float] | None = None,
+        self, urdf: str | Path, robot: Robot, locked: Mapping[str, float] | None = None
     ) -> None:
         import_pybullet()
         path = str(robot_file(urdf))
@@ -99,9 +96,6 @@ class World:
         self._person: list[int] = []
         self._sizes, self._things = np.zeros((0, 2)), 0
         self._arm, self._held = robot, np.zeros((0, 4))
-
-    def __enter__(self) -> "World":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -137,12 +131,10 @@ class World:
         """Draw triangles (n, 3, 3) of what stands around, too [m]."""
         for i in range(0, len(triangles), _MOST_TRIANGLES):
             some = triangles[i : i + _MOST_TRIANGLES]
-            normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
-            normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
             visual = self._bullet.createVisualShape(
                 self._bullet.GEOM_MESH,
                 vertices=some.reshape(-1, 3).tolist(),
-                normals=np.repeat(normals, 3, axis=0).tolist(),
+                normals=np.repeat(normals_of(some), 3, axis=0).tolist(),
                 indices=list(range(3 * len(some))),
                 rgbaColor=(*FURNITURE, 1.0),
                 specularColor=[0.05, 0.05, 0.05],
@@ -189,9 +181,7 @@ class World:
 
     def _capsule(self, length: float, radius: float, colour: tuple) -> int:
         solid = self._bullet.createCollisionShape(
-            self._bullet.GEOM_CAPSULE,
-            radius=radius,
-            height=length,
+            self._bullet.GEOM_CAPSULE, radius=radius, height=length
         )
         mesh = capsule_mesh(length, radius)
         visual = self._bullet.createVisualShape(

@@ -323,7 +323,7 @@ def run_frames(
 
 def exact_audit(robot: Robot) -> Audit:
     """Return the exact distance of the robot's moving solids to capsules."""
-    from odm.audit.exact import ExactRobot, capsule_obstacles
+    from odm.exact.distances import ExactRobot, capsule_obstacles
 
     exact = ExactRobot(robot)
 

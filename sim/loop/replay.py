@@ -5,7 +5,7 @@ import numpy as np
 from odm import Answer, CellMap, ReactivePlanner
 from odm.execution.kinematic import Follower
 from odm.frame.freedom import check_valid
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.kinematics.forward import difference
 from sim.loop.loop import ARRIVED
 from sim.loop.recording import Recording

@@ -43,11 +43,11 @@ from odm.cell_map.recipe import PayloadRecipe, RobotRecipe
 from odm.close_test.safety import Safety
 from odm.processes import in_processes
 from odm.search._state import NO_ITEM
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
+from roadmap.builds.unfinished import temporary_folder
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from roadmap.transforms import pose_of
-from roadmap.unfinished import temporary_folder
 from sim.terminal.ahead import compile_ahead
 
 if TYPE_CHECKING:

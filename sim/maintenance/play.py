@@ -169,8 +169,7 @@ def trouble_of(run: StoryPlay, at_rest: float = CycleSettings.at_rest) -> str:
 
 
 def play_cycle(
-    cycle: MaintenancePlay,
-    hear: Callable[[StoryPlay, StoryMoment], None] | None = None,
+    cycle: MaintenancePlay, hear: Callable[[StoryPlay, StoryMoment], None] | None = None
 ) -> CycleResult:
     """Play a cycle to its end; `hear` takes each moment, and the run it is of."""
     while not cycle.ended:

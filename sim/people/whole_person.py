@@ -179,9 +179,7 @@ class RecordedPerson:
 
 
 def scripted_person(
-    name: str,
-    seed: int = 0,
-    distances: tuple[float, float] = (NEAR, FAR),
+    name: str, seed: int = 0, distances: tuple[float, float] = (NEAR, FAR)
 ) -> WholePerson:
     """Return a scripted arm as a whole person who walks between two distances.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from odm import CellMap, PlannerSettings, ReactivePlanner, Recipe, build_map
 from odm.cell_map.recipe import recipe_of_map
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
 from roadmap.robot.robot import Robot

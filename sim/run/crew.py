@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from roadmap.chunks import ChunkStore, Workers
+    from roadmap.builds.chunks import ChunkStore, Workers
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -71,9 +71,9 @@ def crew(
         BadInput: Two clusters are asked for, or a shared folder without one.
         BuildRefused: There is no cluster, or one of other versions.
     """
-    from roadmap.chunks import ChunkStore, Threads
+    from roadmap.builds.chunks import ChunkStore, Threads
+    from roadmap.builds.unfinished import kept_unless_ended
     from roadmap.errors import BadInput
-    from roadmap.unfinished import kept_unless_ended
 
     if place.workers and place.scheduler:
         raise BadInput(
@@ -95,7 +95,7 @@ def crew(
                 store.discard()
                 raise
     else:
-        from roadmap.cluster import Cluster
+        from roadmap.builds.cluster import Cluster
 
         # processes here see the folder, so that nothing goes through the scheduler
         sees = place.shared is not None or place.workers > 0
@@ -115,7 +115,7 @@ def crew(
 
 def _done_with(store: "ChunkStore") -> None:
     """Remove the chunks of what is there now, whole, even where Ctrl-C comes here."""
-    from roadmap.unfinished import kept_unless_ended
+    from roadmap.builds.unfinished import kept_unless_ended
 
     with kept_unless_ended(store.folder):
         if store.found:

@@ -15,8 +15,8 @@ GRASPS = MAPS / "grasps"
 def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
     """Refuse to replace another map or folder, before any work."""
     from odm.cell_map.recipe import recipe_of_map
+    from roadmap.builds.store import read_folder
     from roadmap.errors import BuildRefused, PlanningError
-    from roadmap.store import read_folder
 
     if not target.exists():
         return

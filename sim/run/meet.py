@@ -26,29 +26,19 @@ from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap, PlannerSettings, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput, BuildRefused
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, LoopSettings, run_frames
 from sim.loop.run_result import RunResult
-from sim.people.whole_person import (
-    RecordedPerson,
-    WholePerson,
-    arm_at,
-    scripted_person,
-)
+from sim.people.whole_person import RecordedPerson, WholePerson, arm_at, scripted_person
 from sim.run import places
 from sim.run.folders import REACH_MAPS, check_kind_of
 from sim.run.meet_audit import TargetAudit, Verdict, shares
 from sim.run.meet_loop import MeetLoop, meet_settings
 from sim.run.meet_record import TargetColumns
 from sim.run.meet_report import print_targets, target_figures
-from sim.run.places import (
-    find_places,
-    person_of,
-    set_up_scene,
-    warm_up,
-)
+from sim.run.places import find_places, person_of, set_up_scene, warm_up
 from sim.run.report import print_report
 from sim.run.request import RunRequest, held_object
 

@@ -17,7 +17,7 @@ from handover.targets.live_targets import (
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm import CellMap
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from sim.loop.loop import Frame, LoopSettings
 from sim.loop.target_rows import TARGETS_EVERY, target_rows
 from sim.record.again import (

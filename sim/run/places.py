@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from odm import CellMap, Obstacles, ReactivePlanner, load_map
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot
 from sim.loop.carried import take_ball

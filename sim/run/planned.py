@@ -9,7 +9,7 @@ from handover.plans.limb import agent_model
 from handover.scenes.plan_file import read_plan, read_shape
 from odm import CellMap, ReactivePlanner, load_map
 from odm.obstacles.obstacles import Obstacles
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot

@@ -27,6 +27,8 @@ from sim.terminal.flags import (
     Token,
     flag,
     goes_with,
+    optional,
+    switch,
 )
 
 if TYPE_CHECKING:
@@ -53,20 +55,17 @@ class RunRequest:
         metavar="sweep|reach|jitter|hover|intrusion|tremble|crowding|hold|backoff"
         "|escape|mocap|keyboard",
     )
-    seconds: float | None = flag(
-        None,
-        "Simulated time in s; default: 30, the clip's, or until q.",
-        limits=SECONDS,
+    seconds: float | None = optional(
+        "Simulated time in s; default: 30, the clip's, or until q.", limits=SECONDS
     )
     seed: Seed = 0
     rate: float = flag(100.0, "Frames per second (Hz).", limits=RATE)
-    out: Path | None = flag(None, "Folder for all pictures.", writes=PICTURES)
-    plot: Path | None = flag(None, "Write the latency plot.", writes=PICTURE)
-    animation: Path | None = flag(None, "Write a short film.", writes=FILM)
+    out: Path | None = optional("Folder for all pictures.", writes=PICTURES)
+    plot: Path | None = optional("Write the latency plot.", writes=PICTURE)
+    animation: Path | None = optional("Write a short film.", writes=FILM)
     file: MocapFile = None
     mapping: JointNames = None
-    stand: tuple[float, float, float] | None = flag(
-        None,
+    stand: tuple[float, float, float] | None = optional(
         "Where the recorded person stands, and the way they face: m, m, degrees, in "
         "the robot's base frame.",
         metavar="X Y YAW",
@@ -77,80 +76,64 @@ class RunRequest:
         "Robot's base above the recorded floor, in m.",
         limits=Limits(-5.0, 5.0, "m"),
     )
-    accept_defects: bool = flag(
-        False,
-        "Play a recording that shows what no person does.",
-        "--accept-defects",
-    )
+    accept_defects: bool = switch("Play a recording that shows what no person does.")
     execution: str = flag(
         "kinematic", "How the robot moves.", metavar="kinematic|timed"
     )
-    no_yield: bool = flag(
-        False, "Do not get out of the way of who comes (timed).", "--no-yield"
-    )
+    no_yield: bool = switch("Do not get out of the way of who comes (timed).")
     targets: str = flag(
         "places",
         "To and fro between work places, or to the best reachable hand-over "
         "target of the person.",
         metavar="places|meet",
     )
-    reach: Path | None = flag(
-        None, "Reach map of the robot (meet); built if left.", metavar="DIR"
+    reach: Path | None = optional(
+        "Reach map of the robot (meet); built if left.", metavar="DIR"
     )
-    between: tuple[float, float] | None = flag(
-        None,
+    between: tuple[float, float] | None = optional(
         "The scripted person walks between these, m (meet).  [0.6 1.3]",
         metavar="NEAR FAR",
         limits=Limits(0.1, 5.0, "m"),
     )
-    held: str | None = flag(
-        None, "Object that the robot holds (meet).", "--object", metavar="wrench|mallet"
+    held: str | None = optional(
+        "Object that the robot holds (meet).", "--object", metavar="wrench|mallet"
     )
-    side: str | None = flag(None, "Hand of the person (meet).", metavar="right|left")
-    dwell: float | None = flag(
-        None,
+    side: str | None = optional("Hand of the person (meet).", metavar="right|left")
+    dwell: float | None = optional(
         "At a target for so long, in s, the robot goes back to where it began, and "
         "comes again (meet); stays if left.",
         limits=Limits(0.0, 3600.0, "s"),
     )
-    record: Path | None = flag(
-        None,
+    record: Path | None = optional(
         "Write the whole run, however it ends; `odm replay` repeats it.",
         writes=RECORDING,
     )
-    carry: float | None = flag(
-        None,
+    carry: float | None = optional(
         "Radius of a ball that the robot carries, in m; see docs/layers.md.",
         metavar="R",
         limits=Limits(0.0, 0.5, "m", above=True, hint="6 cm are 0.06"),
     )
-    plan: Path | None = flag(
-        None,
+    plan: Path | None = optional(
         "Hand over as a plan says whose giver is the map's robot; its receiver moves "
         "as planned. See docs/plans.md.",
         metavar="JSON",
     )
-    early: float | None = flag(
-        None,
+    early: float | None = optional(
         "The receiver reaches so much sooner, in s (--plan); below 0: later.",
         limits=Limits(-600.0, 600.0, "s"),
     )
-    elsewhere: float | None = flag(
-        None,
+    elsewhere: float | None = optional(
         "The receiver stands up to so far from there, in m, and turned by up to a "
         "degree for each cm, drawn by --seed (--plan).",
         metavar="M",
         limits=Limits(0.0, 0.5, "m"),
     )
-    scene: Path | None = flag(
-        None,
+    scene: Path | None = optional(
         "What else stands around, besides the map's scenery: a MoveIt .scene or a "
         "URDF; see docs/scene.md.",
         metavar="FILE",
     )
-    view: bool = flag(
-        False, "Watch it on a page in the browser, at the clock's pace.", "--view"
-    )
+    view: bool = switch("Watch it on a page in the browser, at the clock's pace.")
     port: Port = None
     host: Host = None
     token: Token = None

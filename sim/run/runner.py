@@ -12,7 +12,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import Executor
 from odm.execution.stop_test import OWN_LIMITS, stop_time
 from odm.execution.threat import ThreatSettings
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop, LoopSettings, run_frames
 from sim.loop.run_result import RunResult, stretches
@@ -259,10 +259,7 @@ def _write_film(
 
 
 def _show(
-    task: Task,
-    result: RunResult | None,
-    figures: dict,
-    lines: list[str],
+    task: Task, result: RunResult | None, figures: dict, lines: list[str]
 ) -> None:
     if result is not None:
         task.show(result, figures)

@@ -388,9 +388,7 @@ def with_room_for(cell_map: CellMap, obj: HeldObject) -> CellMap:
 
 
 def own_object(
-    cell_map: CellMap,
-    pads: Sequence[str],
-    thing: GraspObject,
+    cell_map: CellMap, pads: Sequence[str], thing: GraspObject
 ) -> HeldObject:
     """Return an object of the user's as the robot of a map holds it.
 

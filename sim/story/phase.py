@@ -69,10 +69,7 @@ class PhasePlanner:
         return getattr(self.planner, name)
 
     def blocked_leg(
-        self,
-        path: np.ndarray,
-        extra: float = 0.0,
-        points: Obstacles | None = None,
+        self, path: np.ndarray, extra: float = 0.0, points: Obstacles | None = None
     ) -> int | None:
         """Return the first blocked leg while the robot stops.
 

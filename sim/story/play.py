@@ -367,9 +367,7 @@ def new_story(
 
 
 def play(
-    run: StoryPlay,
-    seconds: float,
-    hear: Callable[[StoryMoment], None] | None = None,
+    run: StoryPlay, seconds: float, hear: Callable[[StoryMoment], None] | None = None
 ) -> StoryResult:
     """Play a run to its end, or until its time is up."""
     while run.index < seconds * RATE and not run.story.ended:

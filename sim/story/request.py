@@ -17,6 +17,8 @@ from sim.terminal.flags import (
     argument,
     flag,
     goes_with,
+    optional,
+    switch,
 )
 
 WORK, HANDOVER, MAINTENANCE = "work", "handover", "maintenance"
@@ -37,72 +39,60 @@ class DemoRequest:
         metavar="work|handover|maintenance",
     )
     out: Path = flag(Path("out"), "Folder for pictures and figures.", writes=PICTURES)
-    seconds: float | None = flag(
-        None,
+    seconds: float | None = optional(
         "Simulated time in s; 30 if left, up to 4 times that for a slow robot.",
         limits=SECONDS,
     )
     threads: Threads = 0
-    direction: str | None = flag(
-        None, "Who gives: the robot (give) or the person.", metavar="give|receive"
+    direction: str | None = optional(
+        "Who gives: the robot (give) or the person.", metavar="give|receive"
     )
-    human: str | None = flag(
-        None,
+    human: str | None = optional(
         "Who moves the person (handover): a script that reaches and pulls, a "
         "recording (--file), or keys, which move the arm that takes.",
         metavar="scripted|mocap|keyboard",
     )
     file: MocapFile = None
     mapping: JointNames = None
-    accept_defects: bool = flag(
-        False,
-        "Play a recording even where it shows what no person does (--file).",
-        "--accept-defects",
+    accept_defects: bool = switch(
+        "Play a recording even where it shows what no person does (--file)."
     )
     seed: Seed = 0
-    reach: Path | None = flag(
-        None, "Reach map of the robot (handover); built if left.", metavar="DIR"
+    reach: Path | None = optional(
+        "Reach map of the robot (handover); built if left.", metavar="DIR"
     )
-    map_dir: Path | None = flag(
-        None, "A map's folder (handover); built if left.", "--map", metavar="MAP"
+    map_dir: Path | None = optional(
+        "A map's folder (handover); built if left.", "--map", metavar="MAP"
     )
-    pads: list[str] | None = flag(
-        None,
+    pads: list[str] | None = optional(
         "A link that may touch an object (handover, maintenance); again for more; "
         "those with 'finger', 'thumb' or 'pad' in their name if left.",
         metavar="LINK",
     )
-    object: str | None = flag(
-        None,
+    object: str | None = optional(
         "What is handed over (handover): a closed mesh (STL, OBJ, ...) that the hand "
         "can hold, or an object by name; a wrench if left.",
         metavar="FILE",
     )
-    mass: float | None = flag(
-        None,
+    mass: float | None = optional(
         "Mass of the mesh in kg (--object); 500 kg/m3 times its volume if left.",
         limits=Limits(0.0, 100.0, "kg", above=True, hint="such as 0.3"),
     )
-    scale: float | None = flag(
-        None,
+    scale: float | None = optional(
         "Unit of the mesh in m (--object): 0.001 for millimetres; metres if left.",
         limits=Limits(0.0, 1000.0, "m", above=True, hint="such as 0.001"),
     )
-    record: Path | None = flag(
-        None,
+    record: Path | None = optional(
         "Write the hand-over; `odm replay` repeats it, `odm view` shows it.",
         writes=RECORDING,
     )
-    film: Path | None = flag(None, "Write the hand-over as a film.", writes=FILM)
-    robot: str | None = flag(
-        None,
+    film: Path | None = optional("Write the hand-over as a film.", writes=FILM)
+    robot: str | None = optional(
         "Who gives and takes the tools (maintenance); panda if left.",
         metavar="panda|armar3",
     )
     cycles: int = flag(1, "Cycles, a seed each (maintenance).", min=1, max=MOST_CYCLES)
-    view: bool = flag(
-        False, "Watch the hand-over on a page in the browser, as it goes.", "--view"
-    )
+    view: bool = switch("Watch the hand-over on a page in the browser, as it goes.")
     port: Port = None
     host: Host = None
     token: Token = None

@@ -231,10 +231,7 @@ def check_grasps(
 
 
 def held_farther_out(
-    planner: ReactivePlanner,
-    obj: HeldObject,
-    nodes: np.ndarray,
-    spare: float = 0.0,
+    planner: ReactivePlanner, obj: HeldObject, nodes: np.ndarray, spare: float = 0.0
 ) -> HeldObject:
     """Return an object as it is held, or farther out where a link is too near to it.
 

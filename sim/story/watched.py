@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.geometry.gaps import beads, moved_rods
 from roadmap.kinematics.forward import cover_balls
 from roadmap.robot.robot import Robot

@@ -6,7 +6,7 @@ import numpy as np
 
 from odm import CellMap
 from odm.audit.clearance import clearance_overhead
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.geometry.spheres import cover_report
 from sim.tables.fitted import Fitted, table_of
 from sim.terminal.output import bytes_text, counted

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from roadmap.unfinished import temporary_folder
+from roadmap.builds.unfinished import temporary_folder
 from sim.terminal.compiling import Compiling
 
 TABLE = Path(__file__).with_name("compile_jobs.json")

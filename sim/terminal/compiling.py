@@ -86,7 +86,7 @@ def compiled(root: Path, names: dict[str, float]) -> set[str]:
 
     With NUMBA_CACHE_DIR that is there alone.
     """
-    from roadmap.kernel_cache import kept_in  # not where nothing is compiled
+    from roadmap.compiling.kernel_cache import kept_in  # not where nothing is compiled
 
     first = 1 if os.environ.get("NUMBA_CACHE_DIR") else 0
     by_folder: dict[Path, set[str]] = {}

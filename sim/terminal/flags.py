@@ -35,8 +35,7 @@ JointNames = Annotated[
     ),
 ]
 Port = Annotated[
-    int | None,
-    typer.Option(help="Port of the page (--view); 0: any free one.  [8080]"),
+    int | None, typer.Option(help="Port of the page (--view); 0: any free one.  [8080]")
 ]
 Host = Annotated[
     str | None,
@@ -90,6 +89,16 @@ def flag(
     return _field(default, option, limits=limits, writes=writes)
 
 
+def optional(text: str, *names: str, **options: object) -> Field:
+    """Declare a flag that is None where it is not given; see `flag`."""
+    return flag(None, text, *names, **options)
+
+
+def switch(text: str, **options: object) -> Field:
+    """Declare a flag without a value, that is on where it is given; see `flag`."""
+    return flag(False, text, **options)
+
+
 def argument(default: object, text: str, **options: object) -> Field:
     """Declare a field of a request that is given by its place; see `flag`."""
     return _field(default, typer.Argument(help=text, **_named(options)))
@@ -110,8 +119,10 @@ def _options(kind: type) -> dict[str, tuple[Field, object, object]]:
     hints, found = get_type_hints(kind, include_extras=True), {}
     for one in fields(kind):
         hint = hints[one.name]
-        if "option" in one.metadata:
-            hint = Annotated[hint, one.metadata["option"]]
+        if option := one.metadata.get("option"):
+            if one.default is False and not option.param_decls:  # no --no-x beside it
+                option.param_decls = (f"--{one.name.replace('_', '-')}",)
+            hint = Annotated[hint, option]
         if get_origin(hint) is Annotated:
             found[one.name] = one, hint, hint.__metadata__[0]
     return found

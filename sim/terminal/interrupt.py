@@ -51,7 +51,7 @@ _SECOND = 0.3  # [s] a signal that comes later than this is a second wish of the
 _WHOLE = (
     ("numba/core/caching.py", "save"),  # index and machine code belong together
     ("<frozen importlib._bootstrap_external>", "_write_atomic"),
-    ("roadmap/unfinished.py", "put"),  # the old map goes, the new one comes
+    ("roadmap/builds/unfinished.py", "put"),  # the old map goes, the new one comes
 )
 # where it is not raised: between a call that hands memory over and the line that notes
 # its new owner, both would free it, and the process would crash; and what numba has
@@ -257,7 +257,7 @@ def _end_processes() -> None:
 
 def _remove_unfinished() -> None:
     with suppress(Exception):
-        if files := sys.modules.get("roadmap.unfinished"):
+        if files := sys.modules.get("roadmap.builds.unfinished"):
             files.remove_all()
 
 

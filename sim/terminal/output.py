@@ -146,7 +146,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
 
     A device or a pipe, such as /dev/stdout, is written to; of a link, what it names.
     """
-    from roadmap.unfinished import beside, is_special  # not above: --help is quick
+    from roadmap.builds.unfinished import beside, is_special  # --help is quick
 
     path = Path(path)
     if is_special(path):

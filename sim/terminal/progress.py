@@ -15,7 +15,7 @@ from sim.terminal.compiling import Compiling
 NARROW = 72  # columns of a terminal in which there is room for the words alone
 FIRST_S, EVERY_S = 1.0, 2.0  # [s] the first plain line, and from one to the next
 _TICK_S = 0.25
-_ASKED = "roadmap.kernel_cache"  # what `Compiling` imports
+_ASKED = "roadmap.compiling.kernel_cache"  # what `Compiling` imports
 
 
 class Pulse:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from odm.audit._exact import nearest_pair
-from odm.audit.exact import ExactRobot
+from odm.exact._distances import nearest_pair
+from odm.exact.distances import ExactRobot
 from roadmap.errors import BadInput
 from roadmap.robot.robot import Robot
 

@@ -1,12 +1,13 @@
 """Pictures of a run of two robots: both, with their work places, and what they do."""
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from odm.cell_map.cell_map import CellMap
-from roadmap.chunks import Progress
+from roadmap.builds.chunks import Progress
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.transforms import moved_points
 from sim.draw.cover_world import open_world
@@ -48,7 +49,7 @@ def write_two_animation(
         return write_gif(painted(stage.paint, shown, tell), path, FILM)
 
 
-class _Stage:
+class _Stage(AbstractContextManager):
     """Two worlds, one for each robot, seen from the same place and laid together."""
 
     def __init__(
@@ -64,9 +65,6 @@ class _Stage:
         tools = np.vstack(self.tools)
         camera, extent = _framed(camera, self.T[1][:3, 3], tools)
         self.canvas = Canvas(camera, *extent)
-
-    def __enter__(self) -> "_Stage":
-        return self
 
     def __exit__(self, *_: object) -> None:
         for world in self.worlds:

@@ -2,7 +2,8 @@
 
 import sys
 import time
-from typing import Any, Self
+from contextlib import AbstractContextManager
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Pace:
         time.sleep(max(0.0, self._begun + due - now))
 
 
-class LivePage:
+class LivePage(AbstractContextManager):
     """The page beside a run, with all that stands around it; a context manager.
 
     `where` are port, host and token as of `Viewer`, None: as by default. `options` are
@@ -54,9 +55,6 @@ class LivePage:
         )
         self._pace = Pace()
         print(f"watch at {self.viewer.address}", file=sys.stderr, flush=True)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.viewer.close()

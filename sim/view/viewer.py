@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from importlib import util
 from typing import TYPE_CHECKING
@@ -47,7 +48,7 @@ def check_viewer() -> None:
         raise ViewerMissing
 
 
-class Viewer:
+class Viewer(AbstractContextManager):
     """Shows a loop in the browser, from a process of its own.
 
     `show` lays the newest frame into a mailbox of one slot and returns; what the page
@@ -142,9 +143,6 @@ class Viewer:
             why = said.decode(errors="replace").strip() or "its process ended"
             raise BadInput(f"the page did not open: {why}")
         return address_of(host, number, token)
-
-    def __enter__(self) -> "Viewer":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

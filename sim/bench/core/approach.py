@@ -14,7 +14,7 @@ import numpy as np
 
 from odm import Box, ReactivePlanner, load_map, surface_of
 from odm.approach.approach_answer import Approach
-from odm.audit.exact import ExactRobot, obstacles_of
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.obstacles.surfaces import box_faces
 from roadmap.kinematics.forward import tool_pose
 from roadmap.robot.robot import Robot

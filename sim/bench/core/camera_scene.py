@@ -3,7 +3,7 @@
 import numpy as np
 
 from odm import Capsule, CellMap, ReactivePlanner
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from roadmap.kinematics.forward import body_frames
 from roadmap.transforms import pose_of
 

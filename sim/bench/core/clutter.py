@@ -14,10 +14,10 @@ import numpy as np
 
 from odm import Obstacles, ReactivePlanner, load_map
 from odm.answer import HOLDING, ROADMAP, SEARCH, STRAIGHT, Answer
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
 from odm.close_test.static import StaticTest
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from roadmap.kinematics.forward import motion_per_joint
 from sim.bench.clock import Clock, time_row
 from sim.bench.core.clutter_scenes import CLEAR, KINDS, Scene, make_scenes

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm import Box
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.cell_map import CellMap
 from odm.close_test.static import StaticTest
+from odm.exact.distances import ExactRobot, obstacles_of
 from roadmap.arrays import frozen
 from roadmap.errors import PlanningError
 from roadmap.kinematics.forward import tool_pose

@@ -9,8 +9,8 @@ import numpy as np
 
 from odm import ReactivePlanner
 from odm.answer import HOLDING
-from odm.audit.exact import ExactRobot
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import ExactRobot
 from roadmap.kinematics.forward import difference
 from sim.bench.clock import Clock
 from sim.bench.core.touched import bytes_touched

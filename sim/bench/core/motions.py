@@ -242,11 +242,7 @@ def _rows(
             **({"most": 0.0} if asked else {}),
         ),
         value_row(f"{name}: trips, of those with nobody", share, "%", **least),
-        value_row(
-            f"{name}: path changes a minute while moving",
-            _changes(runs),
-            "",
-        ),
+        value_row(f"{name}: path changes a minute while moving", _changes(runs), ""),
         value_row(f"{name}: holding", held, "%"),
         value_row(
             f"{name}: contacts while it stood",

@@ -159,10 +159,7 @@ def clip(rng: np.random.Generator, frames: int, reach: float = 0.9) -> list[np.n
         rows = (
             []
             if gone <= k < gone + 12
-            else [
-                [*shoulder, *elbow, 0.05],
-                [*elbow, *hand, 0.04],
-            ]
+            else [[*shoulder, *elbow, 0.05], [*elbow, *hand, 0.04]]
         )
         rows += [rod for rod, (a, b) in zip(rods, spans, strict=True) if a <= k < b]
         found.append(np.array(rows).reshape(-1, 7))

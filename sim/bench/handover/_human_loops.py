@@ -4,7 +4,7 @@ from numba import njit
 
 from handover.human._arm_solve import solve_arm
 from handover.meet._quality import quality_of
-from roadmap.jit_options import BARE
+from roadmap.compiling.jit_options import BARE
 
 
 @njit(**BARE)

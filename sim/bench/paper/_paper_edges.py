@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-from odm.audit._exact import ball_gap, core_distance, nearest_pair
-from roadmap.jit_options import FULL, INNER
+from odm.exact._distances import ball_gap, core_distance, nearest_pair
+from roadmap.compiling.jit_options import FULL, INNER
 from roadmap.kinematics._forward import body_frames
 
 TOUCH = 1e-9  # cap of a question that is only whether solids touch [m]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from odm import Box, Cylinder
-from odm.audit.exact import ExactObstacles, obstacles_of
+from odm.exact.distances import ExactObstacles, obstacles_of
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.surfaces import sample_cylinders
 from sim.bench.frames import Pair
@@ -104,10 +104,7 @@ class Contacts:
         """Keep the arrays of the compiled loops."""
         robot = exact.robot
         pose = np.concatenate(
-            [
-                robot.solid_pose[:, :3, :3].reshape(-1, 9),
-                robot.solid_pose[:, :3, 3],
-            ],
+            [robot.solid_pose[:, :3, :3].reshape(-1, 9), robot.solid_pose[:, :3, 3]],
             axis=1,
         )
         self._robot = (

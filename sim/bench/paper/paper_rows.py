@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import ExactRobot, obstacles_of
 from roadmap.kinematics.forward import difference
 from sim.bench.clock import Clock
 from sim.bench.paper.paper_arm import (

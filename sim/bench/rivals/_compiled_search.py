@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from odm.search._astar import pop, push
-from roadmap.jit_options import FULL, INNER, LEAN
+from roadmap.compiling.jit_options import FULL, INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_points
 
 

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.audit.exact import ExactRobot
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import ExactRobot
 from sim.bench.clock import Clock, time_row
 from sim.bench.frames import Pair, all_keep
 from sim.bench.rivals.lengths import first_and_improved

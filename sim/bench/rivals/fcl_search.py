@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
+from odm.exact.fcl_robot import FclRobot
 from roadmap.kinematics.forward import difference
 from roadmap.kinematics.joint_tree import PRISMATIC
 from sim.bench.frames import shapes

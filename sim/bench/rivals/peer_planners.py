@@ -95,11 +95,7 @@ class Ours:
         return self.planner.step(self.obstacles, q=self.q)
 
 
-OUR_MODES = (
-    "replanned",
-    "kept",
-    "improved",
-)
+OUR_MODES = ("replanned", "kept", "improved")
 
 
 class ShapesPair(FclPair):
@@ -262,11 +258,7 @@ class StopOnly:
         self.search.checker = ShapesPair(cell_map)
         self.planner = ReactivePlanner(cell_map)
         self.static = StaticTest(
-            cell_map.robot,
-            cell_map.scenery,
-            cell_map.safety,
-            cell_map.grid,
-            threads=1,
+            cell_map.robot, cell_map.scenery, cell_map.safety, cell_map.grid, threads=1
         )
 
     def begin(self, case: Case) -> None:

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from odm import load_map
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.cell_map import CellMap
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from roadmap.kinematics.forward import motion_per_joint
 from sim.bench.core.frame_rows import CHANGED, difference_of
 from sim.bench.rivals.ompl import OmplMissing, length

@@ -18,7 +18,7 @@ from odm.answer import HOLDING
 from odm.cell_map.build import build_map
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.recipe import Recipe
-from roadmap.chunks import ChunkStore, Threads
+from roadmap.builds.chunks import ChunkStore, Threads
 from roadmap.errors import BadInput, PlanningError
 from sim.bench.clock import Clock
 from sim.bench.core.clutter_scenes import NoScene, Scene, make_scenes

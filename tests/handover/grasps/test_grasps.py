@@ -7,12 +7,7 @@ import pytest
 from handover import GraspSettings, build_grasps, load_grasps, load_hand, load_object
 from handover.grasps import _closing as kernels
 from handover.grasps.closing import close, is_outside, target_of
-from handover.grasps.holding import (
-    Contacts,
-    closure_quality,
-    quality_bound,
-    wrenches,
-)
+from handover.grasps.holding import Contacts, closure_quality, quality_bound, wrenches
 from roadmap.errors import BadInput, BadMap
 
 FEW = GraspSettings(samples=8, rolls=2)

@@ -12,7 +12,7 @@ from handover.meet.constraints import ClearOf
 from handover.meet.find import find_handover
 from handover.meet.settings import FindSettings
 from handover.meet.validity import PlannerValidity
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.obstacles.scenery import Scenery, parse_scenery
 from odm.obstacles.shapes import Capsule
 from roadmap import load_robot
@@ -34,10 +34,7 @@ def test_the_best_target_in_reach_is_found_within_the_tolerance(meet, robot):
     found = find_handover(meet, robot, lambda q: True, LONG)
     assert found and found.reason == "" and not found.timed_out
     given_up = [target.key for target, _ in found.tried]
-    assert [t.key for t in ranked][: len(given_up) + 1] == [
-        *given_up,
-        found.target.key,
-    ]
+    assert [t.key for t in ranked][: len(given_up) + 1] == [*given_up, found.target.key]
     T = tool_pose(robot, found.q)
     off = np.linalg.norm(T[:3, 3] - found.target.T_world_tool[:3, 3])
     assert off <= FindSettings().position_tolerance

@@ -13,24 +13,16 @@ from scipy.spatial.transform import Rotation
 from wrappers import with_wrapper
 
 import handover
-from handover import (
-    Above,
-    Human,
-    Inside,
-    QualitySettings,
-    Upright,
-    mallet,
-    wrench,
-)
+from handover import Above, Human, Inside, QualitySettings, Upright, mallet, wrench
 from handover.human.body import ARM_LABELS
 from handover.meet import _meet_bounds as bounds
 from handover.meet._meet import NUDGE, UNREACHED, Candidate, hand_value
 from handover.meet.constraints import ClearOf
 from handover.reach.robot_cells import robot_cells
 from odm.obstacles.scenery import parse_scenery
+from roadmap.compiling.jit_options import FULL
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import moved_rods
-from roadmap.jit_options import FULL
 from roadmap.transforms import pose_of
 
 position_bounds = with_wrapper(bounds.position_bounds)

@@ -5,7 +5,7 @@ import pytest
 
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.reach.reach_chunks import ReachSpec, mark_chunk
-from roadmap.chunks import ChunkFailed, ChunkStore, Threads
+from roadmap.builds.chunks import ChunkFailed, ChunkStore, Threads
 
 SETTINGS = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
 
@@ -33,7 +33,7 @@ def test_chunks_give_the_same_bytes_and_are_gone_on_with(chain, robot_map, tmp_p
 def test_a_cluster_gives_the_same_bytes(chain, tmp_path):
     few = ReachSettings(cell=0.4, rotations=72, samples=1_000, seed=3)
     distributed = pytest.importorskip("distributed")
-    from roadmap.cluster import Cluster
+    from roadmap.builds.cluster import Cluster
 
     with distributed.LocalCluster(
         n_workers=2,
@@ -65,7 +65,7 @@ def test_a_position_that_raises_is_named(chain, monkeypatch):
 
 def test_the_spec_of_a_chain_has_a_key_of_its_content(chain, arm):
     def key(chain, cell=0.2):
-        from roadmap.chunks import Job
+        from roadmap.builds.chunks import Job
 
         spec = ReachSpec(chain, cell, 72)
         return Job("a:b", "a:c", spec, "position", 1).key()

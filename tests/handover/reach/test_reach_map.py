@@ -218,9 +218,7 @@ def test_a_rail_an_endless_joint_and_fewer_than_six_joints_have_a_map_too():
 def test_a_locked_joint_is_not_part_of_the_map():
     robot = load_robot("kawasaki_fs003n", locked={"joint1": 0.5}, cover_excess=0.2)
     reach = build_reach_map(
-        chain_of(robot),
-        ReachSettings(cell=0.1, rotations=72, samples=5000),
-        threads=1,
+        chain_of(robot), ReachSettings(cell=0.1, rotations=72, samples=5000), threads=1
     )
     assert reach.chain.dof == 5 and "joint1" not in reach.chain.joint_names
     assert 500 < reach.n_marked < 40_000

@@ -11,8 +11,8 @@ from reach_chains import naive_cell, some_poses
 from handover import load_reach_map
 from handover.reach import _reach_build as kernels
 from handover.reach.reach_map import ReachMap
+from roadmap.builds.store import _manifest_hash
 from roadmap.errors import BadMap
-from roadmap.store import _manifest_hash
 
 
 def test_a_stored_map_is_the_same_by_memory_map(arm_map, tmp_path, rng):

@@ -11,7 +11,7 @@ import odm
 from odm.approach.approach import Approacher
 from odm.approach.approach_answer import ApproachSettings
 from odm.approach.tool_line import Line, ToolKinematics
-from odm.audit.exact import ExactRobot, obstacles_of
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.obstacles.surfaces import box_faces, rounded_covering
 from roadmap.errors import BadInput
 from roadmap.geometry.spheres import cover_excess, robot_solids

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 from odm.audit import audit as audits
 from odm.audit.audit import Auditor, audit
 from odm.audit.audit_library import FAMILIES, draw_specimens
-from odm.audit.exact import ExactRobot
 from odm.audit.sabotage import most_needed_sphere, part_of, spoiled
 from odm.cell_map.build import build_map
 from odm.cell_map.recipe import Recipe, RobotRecipe
+from odm.exact.distances import ExactRobot
 from odm.obstacles.shapes import Mesh
 from odm.obstacles.surfaces import surface_of
 from roadmap.errors import BadInput

@@ -7,7 +7,7 @@ from small import draw_arm, draw_valid
 
 import odm
 from odm.audit.clearance import TERMS, clearance_overhead
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from roadmap.kinematics.forward import difference
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 

@@ -6,7 +6,7 @@ from seen_scenes import camera_at, draw_capsules, draw_inside, picture
 from small import AWAY, HOME, draw_valid
 
 import odm
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.obstacles.grid import bounding_ball
 
 EYES = ([1.4, 0.3, 0.9], [-1.3, -0.4, 0.8])

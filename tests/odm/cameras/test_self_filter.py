@@ -141,7 +141,7 @@ def test_a_hand_2_cm_from_link_5_stays_visible_and_blocks_the_motion_into_it(pan
 
 def hand_beside(cell_map, q, link, gap):
     """Return an upright capsule (7,) `gap` from a link's solids, and the way to it."""
-    from odm.audit.exact import ExactRobot
+    from odm.exact.distances import ExactRobot
 
     robot = cell_map.robot
     body = robot.link_body[robot.link_names.index(link)]

@@ -8,11 +8,11 @@ import pytest
 from small import small_recipe
 
 import odm
-import roadmap.chunks
+import roadmap.builds.chunks
 from odm.cell_map import chunk_work
 from odm.cell_map.recipe import PayloadRecipe
-from roadmap.chunks import ChunkFailed, ChunkStore, Threads
-from roadmap.cluster import Cluster
+from roadmap.builds.chunks import ChunkFailed, ChunkStore, Threads
+from roadmap.builds.cluster import Cluster
 from roadmap.errors import BuildRefused
 
 
@@ -42,17 +42,17 @@ def test_a_map_from_a_cluster_has_the_bytes_of_one_from_threads(small_map, addre
 
 
 def test_a_build_that_met_a_full_disk_goes_on(small_map, tmp_path, monkeypatch):
-    store, put = ChunkStore(tmp_path / "chunks"), roadmap.chunks.put_file
+    store, put = ChunkStore(tmp_path / "chunks"), roadmap.builds.chunks.put_file
 
     def filling(path, data):
         if len(list(store.folder.glob("*"))) == 3:
             raise OSError(errno.ENOSPC, "No space left on device")
         put(path, data)
 
-    monkeypatch.setattr(roadmap.chunks, "put_file", filling)
+    monkeypatch.setattr(roadmap.builds.chunks, "put_file", filling)
     with pytest.raises(BuildRefused, match="the disk is full"):
         built(small_map, Threads(1, store))
-    monkeypatch.setattr(roadmap.chunks, "put_file", put)
+    monkeypatch.setattr(roadmap.builds.chunks, "put_file", put)
     assert_same(small_map, built(small_map, Threads(1, store)))
     assert 1 <= store.found <= 3  # of those drawn ahead, some are never asked for
 

@@ -10,8 +10,8 @@ from naive_cells import edge_cells, occupied_cells
 from small import small_recipe
 
 import odm
+from roadmap.builds.store import write_folder
 from roadmap.errors import BadMap, BadRecipe, BuildRefused
-from roadmap.store import write_folder
 
 
 @pytest.fixture

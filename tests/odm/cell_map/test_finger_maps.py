@@ -8,14 +8,14 @@ import pytest
 
 import odm
 from odm.audit.audit import audit
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.recipe import Recipe, RobotRecipe, load_recipe
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot, obstacles_of
 from roadmap import load_robot
+from roadmap.builds.store import read_folder
 from roadmap.errors import BuildRefused
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference
-from roadmap.store import read_folder
 from sim.run.folders import check_map_folder
 
 URDF = """<robot name="pincer">

@@ -11,8 +11,8 @@ import odm
 from odm.cell_map import _packed as kernels
 from odm.cell_map import lists
 from odm.cell_map.lists import CellLists, cells_of_item, packed_lists
+from roadmap.builds.store import read_folder, write_folder
 from roadmap.errors import BadMap, BuildRefused
-from roadmap.store import read_folder, write_folder
 
 BEFORE = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
 

@@ -16,22 +16,16 @@ from carrying import (
     capsules,
 )
 from naive_cells import free_items
-from small import (
-    AWAY,
-    HOME,
-    NOBODY,
-    draw_arm,
-    small_recipe,
-)
+from small import AWAY, HOME, NOBODY, draw_arm, small_recipe
 from wrappers import with_wrapper
 
 import odm
 from odm.audit.audit import audit
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.payload import carried_object, envelope_robot, loaded_map
 from odm.cell_map.recipe import PayloadRecipe, parse_recipe
 from odm.close_test import _close as close
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from odm.search import _frame as frame
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.kinematics.forward import difference

@@ -3,21 +3,14 @@
 import numpy as np
 import pytest
 from carrying import BALLS, CENTER, HIGH, OVER, RADIUS, arm_points, capsules, exact_gap
-from small import (
-    AWAY,
-    HOME,
-    NOBODY,
-    ball_at,
-    draw_arm,
-    draw_valid,
-)
+from small import AWAY, HOME, NOBODY, ball_at, draw_arm, draw_valid
 
 import odm
-from odm.audit.exact import ExactRobot
-from odm.audit.fcl_robot import FclRobot
 from odm.cell_map.payload import loaded_map
 from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot
+from odm.exact.fcl_robot import FclRobot
 from odm.search import _paths as paths
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import difference, tool_pose

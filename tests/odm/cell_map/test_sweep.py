@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive_cells import (
-    cells_near_ball,
-    centers,
-    edge_cells,
-    item_cells,
-    words_to_cells,
-)
+from naive_cells import cells_near_ball, centers, edge_cells, item_cells, words_to_cells
 from small import small_recipe
 from wrappers import with_wrapper
 

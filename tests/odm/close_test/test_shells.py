@@ -8,10 +8,10 @@ from shapes_drawn import KINDS, least_on, near_a_link, solids_of
 from small import draw_valid, plates
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.close_test._close import ESCAPE_SLACK
 from odm.close_test._shells import hulls_apart
 from odm.close_test.shells import TOUCH, Hulls, Shells
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.planner.retreat import Retreat
 from odm.planner.settings import RetreatSettings
 

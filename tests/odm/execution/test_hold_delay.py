@@ -112,8 +112,7 @@ def test_nobody_is_told_of_how_another_robot_would_go_on(scene):
 
 
 @pytest.mark.parametrize(
-    "tremble, pace",
-    [(0.0, {}), (0.005, {}), (0.0, dict(creeps=(1.0,), rests_s=0.0))],
+    "tremble, pace", [(0.0, {}), (0.005, {}), (0.0, dict(creeps=(1.0,), rests_s=0.0))]
 )
 def test_a_robot_that_brakes_at_a_person_does_not_start_and_stop(
     small_map, tremble, pace

@@ -7,7 +7,7 @@ import pytest
 from forms import size
 
 import odm
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.execution.executor import RETREATING, STANDING, Executor
 from odm.execution.threat import Threat, ThreatSettings
 from odm.obstacles.shapes import Capsule

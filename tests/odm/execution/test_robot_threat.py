@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small import DATA
 
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.execution.robot_spheres import RobotSpheres
 from odm.execution.robot_threat import Stretch, intent_threat, limits_threat
 from odm.obstacles.shapes import Sphere

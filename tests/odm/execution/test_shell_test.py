@@ -7,7 +7,7 @@ import pytest
 
 import odm
 import roadmap
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings

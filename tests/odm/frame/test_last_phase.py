@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.recipe import PayloadRecipe, Recipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.frame.last_phase import LastPhase
 from odm.obstacles.obstacles import SolidRoom
 from roadmap.errors import BadInput

@@ -6,7 +6,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from small import DATA
 
 import odm
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.obstacles.mesh_surface import cover_densely, is_small_hull, volume
 from odm.obstacles.robot_surface import robot_surface, solids_of, standing_shapes
 from roadmap import load_robot

@@ -7,7 +7,7 @@ from carrying import BALLS, HIGH, OVER, exact_gap
 from small import HOME, NOBODY, draw_arm, draw_valid
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.execution.robot_spheres import RobotSpheres
 from odm.obstacles.shapes import Capsule
 from roadmap.errors import BadInput

@@ -6,8 +6,8 @@ from small import AWAY, HOME, ball_at, draw_valid
 
 import odm
 from odm import PlannerSettings, Sphere, surface_of
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from odm.planner.saved_memory import differences
 from odm.search._attach import WAITS, free_first
 from odm.search._bound import NO_EXIT_SIDE, START_SIDE

@@ -6,8 +6,8 @@ from naive_cells import cells_near_ball, free_items, item_cells
 from small import HOME, NOBODY, ball_at, draw_arm, draw_valid
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from odm.obstacles import _occupancy as occupancy
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference

@@ -30,7 +30,7 @@ def test_every_piece_of_a_path_keeps_its_distance(small_map, planner, rng):
 
 @pytest.mark.parametrize("rounding", [None, 0.04])
 def test_paths_keep_the_clearance_from_the_exact_arm(small_map, planner, rng, rounding):
-    from odm.audit.exact import ExactRobot, obstacles_of
+    from odm.exact.distances import ExactRobot, obstacles_of
 
     robot = small_map.robot
     exact, paths = ExactRobot(robot), 0

@@ -8,9 +8,9 @@ from shapes_drawn import smallest_solid_gap
 from small import AWAY, HOME, NOBODY, small_recipe
 
 import odm
-from odm.audit.exact import ExactRobot
 from odm.cell_map.recipe import Recipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot
 from roadmap.errors import BadInput
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.transforms import pose_of

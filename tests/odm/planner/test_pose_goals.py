@@ -5,7 +5,7 @@ import pytest
 from small import AWAY, HOME, NOBODY, draw_valid
 
 import odm
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.planner.pose_goals import PoseGoals
 from odm.planner.settings import PoseSettings
 from roadmap.errors import BadConfiguration, BadInput

@@ -2,13 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes_drawn import (
-    KINDS,
-    draw_pose,
-    draw_shape,
-    draw_shapes,
-    smallest_solid_gap,
-)
+from shapes_drawn import KINDS, draw_pose, draw_shape, draw_shapes, smallest_solid_gap
 from small import AWAY, HOME, NOBODY, POST, draw_valid
 
 import odm

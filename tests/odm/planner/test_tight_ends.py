@@ -9,7 +9,7 @@ from shapes_drawn import KINDS, least_on, near_a_link
 from small import draw_valid, plates
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
+from odm.exact.distances import ExactRobot, obstacles_of
 from odm.execution.executor import Executor
 from odm.frame.link_test import LinkTest
 from odm.planner.saved_memory import differences

@@ -6,13 +6,7 @@ from wrappers import with_wrapper
 
 import odm
 from odm.planner.settings import PlannerSettings
-from odm.search._astar import (
-    BOUND_BY_LAST_AFTER,
-    GREED,
-    GREEDY_AFTER,
-    LARGE,
-    take_met,
-)
+from odm.search._astar import BOUND_BY_LAST_AFTER, GREED, GREEDY_AFTER, LARGE, take_met
 from odm.search._invalidation import MANY_TESTS
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import tool_pose

@@ -9,8 +9,8 @@ from small import HOME
 from odm._groups import FRAME, GOAL, LIFE, declared
 from odm.search._state import KINDS, Stats, show, view
 from odm.search.state import Memory, exchange, lay_out
+from roadmap.compiling.jit_options import LEAN
 from roadmap.errors import BadInput
-from roadmap.jit_options import LEAN
 
 
 @pytest.fixture

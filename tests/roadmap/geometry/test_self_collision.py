@@ -11,11 +11,7 @@ from roadmap import load_robot
 from roadmap.errors import BadConfiguration
 from roadmap.geometry import _self_collision as kernels
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.geometry.self_collision import (
-    MARGIN,
-    configuration_free,
-    self_collision,
-)
+from roadmap.geometry.self_collision import MARGIN, configuration_free, self_collision
 from roadmap.kinematics.forward import body_frames, difference
 
 separation = with_wrapper(separation)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from roadmap.chunks import Threads
+from roadmap.builds.chunks import Threads
 from roadmap.graph import near
 from roadmap.graph.near import NearSpec, near_nodes
 

@@ -5,9 +5,9 @@ import pytest
 from nearest import out_of_spheres
 
 import odm
-from odm.audit.exact import ExactRobot, obstacles_of
 from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_of_map
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot, obstacles_of
 from roadmap import load_robot
 from roadmap.errors import BadRecipe, BadRobot
 from roadmap.graph.connecting import RoadmapSettings

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import odm as planner
-from odm.audit.exact import ExactRobot
 from odm.cell_map.recipe import Recipe, RobotRecipe
 from odm.close_test.safety import Safety
+from odm.exact.distances import ExactRobot
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
 from sim.bench.core import clutter

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from odm import Box, ReactivePlanner
-from odm.audit.exact import ExactRobot, obstacles_of
-from odm.audit.fcl_robot import FclRobot
+from odm.exact.distances import ExactRobot, obstacles_of
+from odm.exact.fcl_robot import FclRobot
 from roadmap.errors import BadInput
 from sim.bench.command import bench_modules, markdown_of, run_bench
 from sim.bench.frames import arm_frames, make_pairs

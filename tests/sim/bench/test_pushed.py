@@ -181,9 +181,7 @@ def test_what_the_encoders_may_be_wrong_by_comes_off_the_share(small_map):
     assert told.executor.off > 0.0
 
 
-def test_encoders_that_fail_once_and_then_say_nothing_do_not_stop_it_for_good(
-    pushable,
-):
+def test_encoders_that_fail_once_and_then_say_nothing_do_not_stop_it_for_good(pushable):
     executor = pushable.executor
     pushable.run(30)
     cases = [(0.0, True, 0.0), (0.034, False, 0.034), (0.034, True, 0.034)]

@@ -261,10 +261,7 @@ def test_info_tells_what_the_map_holds(odm, map_dir):
     assert found["roadmap"]["edges"] == cell_map.roadmap.n_edges
     assert sum(found["bytes"][v] for v in ("edge_major", "block_major")) == sum(
         a.nbytes
-        for view in (
-            cell_map.arm_cells.arrays().values(),
-            cell_map.arm_cells.by_block,
-        )
+        for view in (cell_map.arm_cells.arrays().values(), cell_map.arm_cells.by_block)
         for a in view
     )
     assert {row["link"] for row in found["cover"]} == set(cell_map.robot.link_names)

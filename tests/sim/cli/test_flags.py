@@ -21,6 +21,8 @@ from sim.terminal.flags import (
     from_request,
     is_given,
     of_panels,
+    optional,
+    switch,
 )
 
 
@@ -28,8 +30,8 @@ from sim.terminal.flags import (
 class Request:
     file: Path = argument(..., "What is read.", metavar="FILE")
     width: float = flag(0.5, "In m.", min=0.1, panel="Sizes")
-    tall: bool = flag(False, "Whether it is.", "--tall", panel="Sizes")
-    names: list[str] | None = flag(None, "Again for more.", "--name")
+    tall: bool = switch("Whether it is.", panel="Sizes")
+    names: list[str] | None = optional("Again for more.", "--name")
     json: Json = None
     hidden: int = 3
 
@@ -69,7 +71,9 @@ def test_a_request_is_made_of_the_flags_and_defaults(run):
     assert found == [Request(Path("a.txt"), 0.5, True, ["x", "y"])]
 
 
-@pytest.mark.parametrize("words", [(), ("a", "--width", "0"), ("a", "--hidden", "1")])
+@pytest.mark.parametrize(
+    "words", [(), ("a", "--width", "0"), ("a", "--hidden", "1"), ("a", "--no-tall")]
+)
 def test_what_is_missing_out_of_range_or_no_flag_is_a_usage_error(run, words):
     result, found = run(*words)
     assert result.exit_code == 2 and not found

@@ -130,7 +130,7 @@ sys.argv[1:] = "view", "--map", ".", "--port", "0"
 main()
 """
 WRITING = """
-from roadmap import unfinished
+from roadmap.builds import unfinished
 with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
     made.mkdir()
     for k in range(100000000):
@@ -143,7 +143,7 @@ with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
             pass
 """
 PUTTING = """
-from roadmap import unfinished
+from roadmap.builds import unfinished
 rename = os.rename
 def slow(a, b):
     rename(a, b)
@@ -159,7 +159,7 @@ with interrupt.interruptible(), unfinished.beside(pathlib.Path("map")) as made:
 """
 AT_WORK_TO_THE_END = """
 import threading
-from roadmap.chunks import ChunkStore
+from roadmap.builds.chunks import ChunkStore
 from sim.run.crew import HERE, chunk_folder, crew
 target, begin, leave = pathlib.Path("map"), threading.Event(), interrupt._exit
 def work(store):
@@ -178,7 +178,7 @@ with interrupt.interruptible(), crew(target, 1, HERE) as workers:
     stay()
 """
 BEGUN_AT_THE_END = """
-from roadmap import unfinished
+from roadmap.builds import unfinished
 def look():  # after all was removed, before the last line
     pathlib.Path(made).mkdir()
     (made / "half").touch()

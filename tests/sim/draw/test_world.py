@@ -15,11 +15,7 @@ from sim.draw.cover_world import CoverWorld
 from sim.draw.style import SKIN, SLEEVE, person_colours
 from sim.draw.surroundings import all_triangles, capsule_mesh
 from sim.draw.viewpoint import Camera
-from sim.draw.world import (
-    SimulatorMissing,
-    World,
-    connected,
-)
+from sim.draw.world import SimulatorMissing, World, connected
 from sim.loop.loop import exact_audit
 
 CAMERA = Camera(width=160, height=120)

@@ -7,7 +7,7 @@ import pytest
 from forms import some
 
 import odm
-from odm.audit.exact import ExactRobot, capsule_obstacles
+from odm.exact.distances import ExactRobot, capsule_obstacles
 from odm.execution.threat import Threat
 from sim.loop.loop import Loop, LoopSettings
 

@@ -167,8 +167,7 @@ def test_a_pause_stops_the_simulation_and_goes_on_with_it():
 
 
 @pytest.mark.parametrize(
-    ("wish", "name", "code"),
-    [("key", "SIGINT", 130), (signal.SIGTERM, "SIGTERM", 143)],
+    ("wish", "name", "code"), [("key", "SIGINT", 130), (signal.SIGTERM, "SIGTERM", 143)]
 )
 def test_signals_end_the_run_and_give_the_terminal_back(wish, name, code):
     with fake() as user:

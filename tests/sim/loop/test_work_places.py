@@ -8,12 +8,7 @@ import pytest
 
 from roadmap import load_robot
 from roadmap.kinematics.forward import tool_pose
-from sim.loop.work_places import (
-    NoWorkPlaces,
-    WorkPlaceSettings,
-    reach_of,
-    work_places,
-)
+from sim.loop.work_places import NoWorkPlaces, WorkPlaceSettings, reach_of, work_places
 
 CANDIDATES = WorkPlaceSettings().candidates
 

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from forms import some
 from mocap_files import person, write_csv
-from recorded import (
-    crane_recipe,
-    new_loop,
-    recorded,
-    same_bytes,
-    with_array,
-)
+from recorded import crane_recipe, new_loop, recorded, same_bytes, with_array
 
 import odm
 from odm import build_map, load_map

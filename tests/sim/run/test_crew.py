@@ -10,7 +10,7 @@ import pytest
 from chunk_jobs import chunks, job
 
 import sim.run.crew
-from roadmap.chunks import ChunkStore
+from roadmap.builds.chunks import ChunkStore
 from roadmap.errors import BadInput, BuildRefused
 from sim.run.crew import Place, begin_ahead, chunk_folder, crew
 

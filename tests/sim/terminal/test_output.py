@@ -8,8 +8,8 @@ import threading
 import pytest
 import typer
 
+from roadmap.builds.unfinished import beside
 from roadmap.errors import BadInput
-from roadmap.unfinished import beside
 from sim.terminal.output import guarded, no_room, show_json, write_text
 
 

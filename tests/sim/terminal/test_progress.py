@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from roadmap.kernel_cache import kept_in
+from roadmap.compiling.kernel_cache import kept_in
 from sim.terminal import compiling, progress
 from sim.terminal.checks import Limits
 from sim.terminal.compiling import Compiling
@@ -66,10 +66,10 @@ def test_lines_come_from_the_first_moment_and_say_how_far_it_is(quick, capsys):
 
 
 def test_nothing_is_imported_from_a_second_thread(quick, monkeypatch):
-    monkeypatch.delitem(sys.modules, "roadmap.kernel_cache")
+    monkeypatch.delitem(sys.modules, "roadmap.compiling.kernel_cache")
     with pulse("run"):
         compute(0.15)
-    assert "roadmap.kernel_cache" not in sys.modules
+    assert "roadmap.compiling.kernel_cache" not in sys.modules
 
 
 def test_nothing_is_said_of_what_takes_no_time(capsys):

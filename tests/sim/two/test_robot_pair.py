@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small import DATA
 
-from odm.audit.exact import ExactRobot
+from odm.exact.distances import ExactRobot
 from odm.obstacles.robot_surface import solids_of
 from roadmap import load_robot
 from roadmap.errors import BadInput

@@ -18,7 +18,7 @@ from numba.core.callwrapper import PyCallWrapper
 from numba.core.pythonapi import NativeValue, PythonAPI
 from numba.np.numpy_support import as_dtype
 
-from roadmap.lowering import value_at
+from roadmap.compiling.lowering import value_at
 
 _TAKE = "roadmap.take_array"
 _WORDS = (

@@ -25,8 +25,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from roadmap.builds.unfinished import put_file
 from roadmap.errors import BuildRefused
-from roadmap.unfinished import put_file
 
 Arrays = tuple[np.ndarray, ...]
 Progress = Callable[[str, int, int], None]  # called with stage, done, total

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from chunk_jobs import chunks, job
 
-import roadmap.cluster
-from roadmap.chunks import ChunkFailed, ChunkStore, ForeignWorker, about
-from roadmap.cluster import Cluster, refuse_foreign, work
+import roadmap.builds.cluster
+from roadmap.builds.chunks import ChunkFailed, ChunkStore, ForeignWorker, about
+from roadmap.builds.cluster import Cluster, refuse_foreign, work
 from roadmap.errors import BadInput, BuildRefused
 
 distributed = pytest.importorskip("distributed")
@@ -69,7 +69,7 @@ def test_an_item_that_raises_on_a_worker_is_named(address):
 def test_a_worker_with_another_program_is_refused_before_work(address, monkeypatch):
     other = about() | {"numpy": "1.26.0"}
     with pytest.raises(ForeignWorker, match=f"worker tcp.*numpy {np.__version__} inst"):
-        monkeypatch.setattr(roadmap.cluster, "about", lambda: other)
+        monkeypatch.setattr(roadmap.builds.cluster, "about", lambda: other)
         refuse_foreign({"tcp://there:1": about()})
     with pytest.raises(ForeignWorker, match="cannot load this program"):
         refuse_foreign({"tcp://there:1": ModuleNotFoundError("no module roadmap")})

@@ -1,7 +1,7 @@
 """Exact distances of the robot's solids from obstacle solids, with a certificate.
 
 The audit's ground truth. It shares nothing with the maps but `body_frames`: no sphere,
-cell or sample. python-fcl is the second opinion (`odm.audit.fcl_robot`): its contact
+cell or sample. python-fcl is the second opinion (`odm.exact.fcl_robot`): its contact
 answers agree, its distances are up to 0.4 mm too large where a round solid is involved.
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from odm.audit import _exact as kernels
+from odm.exact import _distances as kernels
 from odm.obstacles import shapes as solid
 from roadmap.errors import BadInput
 from roadmap.geometry._winding import winding

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from chunk_jobs import chunks, job
 
-import roadmap.chunks
-from roadmap.chunks import (
+import roadmap.builds.chunks
+from roadmap.builds.chunks import (
     ChunkFailed,
     ChunkStore,
     Threads,
@@ -70,7 +70,7 @@ def test_what_a_chunk_depends_on_changes_its_name(monkeypatch):
     assert chunk_name(plain, one) != chunk_name(plain, other)
     assert plain != job("squares", 0.1).key() and plain != job("not_seven").key()
     told = about() | {"numpy": "1.0"}
-    monkeypatch.setattr(roadmap.chunks, "about", lambda: told)
+    monkeypatch.setattr(roadmap.builds.chunks, "about", lambda: told)
     assert plain != job("squares").key()
 
 
@@ -89,7 +89,7 @@ def test_a_full_disk_is_told_in_one_sentence(tmp_path, monkeypatch):
     def full(path, data):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(roadmap.chunks, "put_file", full)
+    monkeypatch.setattr(roadmap.builds.chunks, "put_file", full)
     store = ChunkStore(tmp_path / "chunks")
     with pytest.raises(BuildRefused, match="the disk is full; make room, and give"):
         list(Threads(1, store).map(job("squares"), chunks()))

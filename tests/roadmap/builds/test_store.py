@@ -9,9 +9,9 @@ import textwrap
 import numpy as np
 import pytest
 
-from roadmap import store
+from roadmap.builds import store
+from roadmap.builds.store import read_folder, write_folder
 from roadmap.errors import BadMap
-from roadmap.store import read_folder, write_folder
 
 ARRAYS = {
     "counts": np.arange(40, dtype=np.int32).reshape(8, 5),

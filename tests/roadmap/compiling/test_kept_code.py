@@ -13,9 +13,9 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.typeinfer import TypeInferer
 
 from odm.cell_map import _packed
+from roadmap.compiling.jit_options import LEAN
+from roadmap.compiling.kept_code import KeptTypes, load_kept
 from roadmap.errors import PlanningError
-from roadmap.jit_options import LEAN
-from roadmap.kept_code import KeptTypes, load_kept
 
 
 def test_what_is_kept_of_a_loop_is_loaded_without_a_call(small_map):
@@ -133,7 +133,7 @@ def test_two_that_save_at_once_take_turns(tmp_path):
 
 
 def test_a_folder_that_cannot_be_locked_is_written_all_the_same(tmp_path, monkeypatch):
-    monkeypatch.setattr("roadmap.kept_code._LOCK", "no such folder/lock")
+    monkeypatch.setattr("roadmap.compiling.kept_code._LOCK", "no such folder/lock")
     file = IndexDataCacheFile(str(tmp_path), "loop", "stamp")
     file.save("types", "code")
     assert file.load("types") == "code"

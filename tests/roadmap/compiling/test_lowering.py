@@ -10,8 +10,8 @@ from numba.core.lowering import Lower
 from numba.core.runtime import _nrt_python, rtsys
 from numba.np import arrayobj
 
-from roadmap import linking
-from roadmap.jit_options import FULL, LEAN
+from roadmap.compiling import linking
+from roadmap.compiling.jit_options import FULL, LEAN
 
 FRESH = {"cache": False}
 pytestmark = pytest.mark.skipif(not linking.KNOWN, reason="numba's own pipeline")

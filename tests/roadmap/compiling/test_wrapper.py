@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numba import njit, typeof
 
-from roadmap import linking, wrapper
-from roadmap.jit_options import FULL, LEAN
+from roadmap.compiling import linking, wrapper
+from roadmap.compiling.jit_options import FULL, LEAN
 
 FRESH = {"cache": False}
 pytestmark = pytest.mark.skipif(not linking.KNOWN, reason="numba's own pipeline")

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from roadmap.builds.unfinished import beside, put
 from roadmap.errors import BadMap, PlanningError
 from roadmap.ranges import check_path
-from roadmap.unfinished import beside, put
 
 FORMAT = 1
 _NUMBERS = "biuf"  # kinds of arrays that maps hold

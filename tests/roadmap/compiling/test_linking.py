@@ -10,9 +10,9 @@ import pytest
 from numba import njit
 from numba.core.runtime import _nrt_python, rtsys
 
-from roadmap import linking
-from roadmap.jit_options import INNER, LEAN
-from roadmap.linking import made
+from roadmap.compiling import linking
+from roadmap.compiling.jit_options import INNER, LEAN
+from roadmap.compiling.linking import made
 
 _FROM_PYTHON = {k: v for k, v in LEAN.items() if k != "cache"}
 _FROM_LOOPS = {k: v for k, v in INNER.items() if k != "cache"}
@@ -98,8 +98,8 @@ def test_a_small_loop_that_python_never_calls_gets_no_machine_code(small):
 LOOPS = """
 import numpy as np
 from numba import njit
-from roadmap import linking
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling import linking
+from roadmap.compiling.jit_options import INNER, LEAN
 
 linking.MOST_COST = 60
 
@@ -155,7 +155,7 @@ print(misses, len(objects), file=sys.stderr)
 def test_what_is_kept_of_a_loop_holds_all_that_it_calls_each_object_once(tmp_path):
     """Another process needs nothing that is kept of the callees."""
     (tmp_path / "loops.py").write_text(LOOPS)
-    root = Path(linking.__file__).parents[1]
+    root = Path(linking.__file__).parents[2]
     env = os.environ | {
         "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}",
         "NUMBA_CACHE_DIR": str(tmp_path / "kept"),

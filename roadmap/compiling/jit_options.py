@@ -10,7 +10,7 @@ Every set says all options: numba hands those that a loop leaves open down from 
 calls it, and the machine code that is kept must not depend on who called first.
 """
 
-from roadmap.linking import LoopCompiler
+from roadmap.compiling.linking import LoopCompiler
 
 # Makes no array; called from Python. A division by zero is an error.
 LEAN = {

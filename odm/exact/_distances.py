@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from roadmap._rows import copy_row
-from roadmap.jit_options import FULL, FULL_INNER, INNER, LEAN
+from roadmap.compiling._rows import copy_row
+from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER, LEAN
 
 POINTS, ROUND = 0, 1  # kinds of core
 MAX_STEPS = 200
@@ -31,6 +31,28 @@ class Convexes(NamedTuple):
     margin: np.ndarray  # (n,) what the core is grown by [m]
     ball: np.ndarray  # (n, 4) centre and radius of a ball around the solid
     owner: np.ndarray  # (n,) body of a robot, shape of an obstacle
+
+
+@njit(**INNER)
+def point_at(f, p):
+    """Return where pose f (12,) has a point p (>= 3,)."""
+    x = f[0] * p[0] + f[1] * p[1] + f[2] * p[2] + f[9]
+    y = f[3] * p[0] + f[4] * p[1] + f[5] * p[2] + f[10]
+    z = f[6] * p[0] + f[7] * p[1] + f[8] * p[2] + f[11]
+    return x, y, z
+
+
+@njit(**INNER)
+def compose(f, g, out):
+    """Write the product of poses f and g (12,) to out, which is neither."""
+    for i in range(3):
+        for j in range(3):
+            out[3 * i + j] = (
+                f[3 * i] * g[j] + f[3 * i + 1] * g[3 + j] + f[3 * i + 2] * g[6 + j]
+            )
+        out[9 + i] = (
+            f[3 * i] * g[9] + f[3 * i + 1] * g[10] + f[3 * i + 2] * g[11] + f[9 + i]
+        )
 
 
 @njit(**INNER)

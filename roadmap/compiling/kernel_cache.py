@@ -85,7 +85,7 @@ def drop_stale_code(root: Path | None = None) -> list[Path]:
     `root` holds the packages; None: where this file lies. A folder that cannot be
     written is left alone.
     """
-    sources = Sources(root or Path(__file__).parents[1])
+    sources = Sources(root or Path(__file__).parents[2])
     folders: dict[Path, dict[str, str]] = {}
     for file in sources.compiled():
         known = folders.setdefault(file.parent, {})

@@ -22,7 +22,7 @@ from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes
 from numba.stencils.stencil import StencilFunc
 
-from roadmap.type_lookup import call_type
+from roadmap.compiling.type_lookup import call_type
 
 _INLINED = {"make_function", "build_list"}  # of what numba writes into a loop
 _process_at_once = postproc.PostProcessor.run

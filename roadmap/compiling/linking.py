@@ -29,11 +29,11 @@ from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
-from roadmap.kept_code import save_in_turn, undisturbed
-from roadmap.lowering import keep_values, reach_elements_directly
-from roadmap.passes import LoopPasses, quick
-from roadmap.type_lookup import LookupContext, SharedFlagsPasses
-from roadmap.wrapper import use_small_wrappers
+from roadmap.compiling.kept_code import save_in_turn, undisturbed
+from roadmap.compiling.lowering import keep_values, reach_elements_directly
+from roadmap.compiling.passes import LoopPasses, quick
+from roadmap.compiling.type_lookup import LookupContext, SharedFlagsPasses
+from roadmap.compiling.wrapper import use_small_wrappers
 
 # A callee that costs more is not written into its caller: LLVM gives up at 225, less
 # what a call itself costs and what is known there; of those above nearly none was.

@@ -7,10 +7,10 @@ import pytest
 from numba import config
 from numba.core import caching
 
+from roadmap.compiling.kernel_cache import Sources, check_kept, drop_stale_code, kept_in
 from roadmap.errors import PlanningError
-from roadmap.kernel_cache import Sources, check_kept, drop_stale_code, kept_in
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 KERNEL = (
     "from numba import njit\n{imports}\n\n@njit(cache=True)\ndef {name}(x):\n    ...\n"
 )

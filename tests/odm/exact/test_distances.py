@@ -12,14 +12,9 @@ from scipy.spatial.transform import Rotation
 from wrappers import with_wrapper
 
 import roadmap
-from odm.audit import _exact as kernels
-from odm.audit.exact import (
-    ExactRobot,
-    capsule_obstacles,
-    gather,
-    obstacles_of,
-)
-from odm.audit.fcl_robot import FclRobot, geometry_of
+from odm.exact import _distances as kernels
+from odm.exact.distances import ExactRobot, capsule_obstacles, gather, obstacles_of
+from odm.exact.fcl_robot import FclRobot, geometry_of
 from odm.obstacles import shapes
 from roadmap.errors import BadInput
 from roadmap.transforms import flat_pose

@@ -8,8 +8,8 @@ from numba import njit
 from numba.core import compiler, ir, postproc
 from numba.core.errors import TypingError
 
-from roadmap import passes
-from roadmap.jit_options import FULL
+from roadmap.compiling import passes
+from roadmap.compiling.jit_options import FULL
 
 FRESH = FULL | {"cache": False}
 

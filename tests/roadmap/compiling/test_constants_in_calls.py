@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numba import njit, types
 
-from roadmap import linking
-from roadmap.jit_options import INNER, LEAN
+from roadmap.compiling import linking
+from roadmap.compiling.jit_options import INNER, LEAN
 
 FRESH = {"cache": False}
 LAST, HUGE = 4, 2**63 + 1

@@ -12,9 +12,9 @@ from numba.core.registry import cpu_target
 from numba.core.targetconfig import ConfigStack
 from numba.core.typing import BaseContext
 
-from roadmap import type_lookup
-from roadmap.jit_options import BARE, FULL, LEAN
-from roadmap.type_lookup import SharedFlagsPasses, call_type
+from roadmap.compiling import type_lookup
+from roadmap.compiling.jit_options import BARE, FULL, LEAN
+from roadmap.compiling.type_lookup import SharedFlagsPasses, call_type
 
 FRESH = {"cache": False}
 _NUMBERS = types.int8, types.int64, types.uint64, types.float32, types.float64

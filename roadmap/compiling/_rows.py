@@ -5,7 +5,7 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from roadmap.jit_options import INNER
+from roadmap.compiling.jit_options import INNER
 
 
 @njit(**INNER)

@@ -22,8 +22,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from roadmap import chunks
-from roadmap.chunks import (
+from roadmap.builds import chunks
+from roadmap.builds.chunks import (
     Arrays,
     Chunk,
     ChunkStore,

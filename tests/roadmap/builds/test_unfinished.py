@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from roadmap import unfinished
-from roadmap.unfinished import beside, kept_unless_ended, put_file, remove_all
+from roadmap.builds import unfinished
+from roadmap.builds.unfinished import beside, kept_unless_ended, put_file, remove_all
 
 
 @pytest.fixture

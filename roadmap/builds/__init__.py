@@ -1,0 +1,1 @@
+"""What a build makes: chunks of work, done anywhere; folders, whole or not at all."""

@@ -1,0 +1,1 @@
+"""How our loops are compiled, linked and kept; what is stale is dropped."""
