@@ -391,7 +391,8 @@ def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
         if k == 0:  # nobody was seen before
             assert growth(threat, 0.0, 0.2)[0] == pytest.approx(0.4)
         if k >= 10:
-            assert growth(threat, 0.0, 0.2)[0] >= 0.2 * speed
+            sped_up = ThreatSettings().acceleration * (k - 9) / rate
+            assert growth(threat, 0.0, 0.2)[0] >= 0.2 * (speed + sped_up) - 1e-9
 
 
 def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
@@ -536,6 +537,9 @@ def test_of_who_is_partly_calm_some_speed_up_no_harder_and_all_are_told():
         threat.fastest,
         threat.displacement_bound(0.3),
     )
+    swift = replace(threat, velocity=np.full((2, 2, 3), [2.0, 0.0, 0.0]))
+    assert swift.as_so_far().between(1.2, 1.2)[1] == 0.0
+    assert SteadyParts(swift, these).between(1.2, 1.2)[1] == np.inf  # one may be so far
 
 
 def rod(x, z=0.4):
