@@ -28,6 +28,7 @@ def is_closed(planner: odm.ReactivePlanner) -> bool:
     freedom = planner.is_free(HOME, HOME)
     answers = (
         not freedom and freedom.failed == "frame" and "last frame" in freedom.reason,
+        not planner.is_free(HOME, HOME, by_links=True),
         not planner.stands_clear(HOME),
         planner.separation(HOME) == -INF,
         planner.blocked_leg(HOME[None]) == 0,
