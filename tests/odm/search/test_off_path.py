@@ -183,6 +183,34 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
     assert seen >= 3
 
 
+def test_a_tube_around_a_segment_tells_of_no_other_and_is_not_thin(small_map):
+    """A point that a later segment just keeps off, and a robot 7 mm off that."""
+    planner, _, answer = on_its_way(small_map, 2)
+    static, safety, m = planner.static, small_map.safety, planner.memory
+    moving, told = small_map.robot.moving, 0
+    for k in range(1, len(answer.path) - 1):
+        dq = answer.path[k + 1] - answer.path[k]
+        on, off = answer.path[k] + 0.5 * dq, np.array([0.0, 1e-3, 0.0])
+        there = sphere_centers(static.robot, on)[moving]
+        moved = sphere_centers(static.robot, on + off)[moving] - there
+        far = np.linalg.norm(moved, axis=1)
+        i = int(far.argmax())
+        q = on + 0.007 / far[i] * off
+        for gap in np.arange(0.0, 0.003, 2e-4):
+            keep = small_map.robot.spheres[moving, 3][i] + safety.rho + safety.m + gap
+            there_is(static, there[i] + keep * moved[i] / far[i])
+            if static.motion_free(answer.path[k], dq):
+                break
+        else:
+            continue
+        told += 1
+        for segment, at, free in ((0, answer.path[:2].mean(axis=0), 1), (k, q, 0)):
+            m.numbers.where[0] = segment
+            planner.path.certify_off_path(at)
+            assert (m.off_path.free == free).all()
+    assert told
+
+
 def test_a_corner_takes_nothing_where_tracking_may_be_off_by_more_than_blending():
     """Off by more than twice the blending share, it would be spent more than once."""
     assert Safety(tracking=0.002, blending=0.004).rounding == 0.004
