@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
+from small import AWAY, HOME, NOBODY, POST, ball_at, on_its_way, wrapped
 from wrappers import with_wrapper
 
 import odm
@@ -119,6 +119,26 @@ def test_a_steady_error_is_measured_from_what_was_certified(small_map):
         assert answer.status == "following"
         assert np.array_equal(planner.memory.certificates.begin[:k], ends[0])
         assert np.array_equal(planner.memory.certificates.end[:k], ends[1])
+
+
+def test_each_segment_is_a_part_of_what_was_certified_for_it(small_map):
+    """Of the path in use, whatever bettered it, while a robot follows it."""
+    changed = 0
+    for seed in range(4):
+        planner, points, answer = on_its_way(small_map, seed)
+        m, q = planner.memory, HOME
+        for _ in range(12):
+            changed += answer.status == "replanned" or planner.improve(6)
+            answer = planner.step(points, q=q)
+            n = int(m.path.count[0])
+            for k in range(n - 1):
+                for place in m.path.q[k : k + 2]:
+                    assert is_on(m.certificates, k, place)
+            if len(answer.path) > 1:
+                a, b = answer.path[:2]
+                way = planner.frame.difference(a, b)
+                q = a + min(1.0, 0.1 / np.linalg.norm(way)) * way
+    assert changed > 12
 
 
 def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
