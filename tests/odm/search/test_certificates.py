@@ -8,8 +8,10 @@ from wrappers import with_wrapper
 import odm
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
+from odm.search import _paths as paths
 from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._paths import is_on
+from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import sphere_centers
 
 is_on = with_wrapper(is_on)
@@ -151,15 +153,15 @@ def test_each_segment_is_a_part_of_what_was_certified_for_it(small_map, rng, alw
     assert changed > 6 and (always or beside > 6)
 
 
-def test_a_path_found_on_a_segment_begins_with_a_part_of_it(small_map):
-    first, points, _ = on_its_way(small_map, 0)
-    planner = odm.ReactivePlanner(small_map, always_replan=True)
-    planner.set_goals(first.goals)
-    path = planner.step(points, q=HOME).path.copy()
-    q = path[1:3].mean(axis=0)
-    planner.step(points, q=q)
-    for place in (path[1], q, path[2]):
-        assert is_on(planner.memory.certificates, 0, place)
+def test_a_cut_is_found_by_both_its_ends_where_others_take_its_place(planner):
+    """Of a full half of the table many wait for a free row."""
+    cuts = planner.memory.shortcuts
+    pairs = [(a, b) for a in range(50) for b in range(50)][: len(cuts.key) // 2]
+    for item, (a, b) in enumerate(pairs):
+        assert paths.find_shortcut(cuts, a, b) == NO_ITEM
+        assert paths.add_shortcut(cuts, a, b, item)
+    found = [paths.find_shortcut(cuts, a, b) for a, b in pairs]
+    assert found == list(range(len(pairs)))
 
 
 def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):
