@@ -459,8 +459,9 @@ class Attacher(Remembering):
             clear: Tells which motions (k, dof), from q by dq, keep clear of it.
         """
         path, goals = self.path, self.frame.memory.goals
+        path.forget_behind()  # the robot may go back to where nobody looked
         certified = self.frame.memory.certificates
-        ahead = slice(path.segment, max(0, len(path) - 1))
+        ahead = slice(max(0, len(path) - 1))
         begin, end = certified.begin[ahead], certified.end[ahead]
         if len(begin) and not clear(begin, end - begin).all():
             path.drop()

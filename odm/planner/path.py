@@ -73,6 +73,15 @@ class PathInUse(Remembering):
         self.drop()
         self.followed = False
 
+    def forget_behind(self) -> None:
+        """Let it begin with the segment that the robot is on."""
+        at, n = self.segment, len(self)
+        if n:
+            ends = self._certificates
+            for rows in (self.vertex, self.q, self.item, ends.begin, ends.end):
+                rows[: n - at] = rows[at:n]
+            self._count[0], self._segment[0] = n - at, 0
+
     def forget_off_path(self) -> None:
         """Forget what is known of a robot off its segment."""
         self._tube_key = b""

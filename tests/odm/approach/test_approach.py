@@ -163,6 +163,46 @@ def test_a_bin_with_half_a_centimetre_to_spare_is_refused(planner):
     assert 0.0 < what.missing_m < 0.03 and f"point {what.point}" in answer.reason
 
 
+@pytest.mark.parametrize("stands", [False, True])
+def test_with_more_clearance_a_bin_has_none_to_spare(cell_map, stands):
+    planner, boards = (
+        odm.ReactivePlanner(cell_map),
+        bin_around(cell_map.robot, DOWN, 0.02),
+    )
+    see(planner, [] if stands else boards)
+    for k, board in enumerate(boards if stands else ()):
+        planner.scene.add(f"board {k}", board)
+    found = planner.approach(DOWN)
+    assert found.fine
+    for extra in (0.02, 0.0):
+        planner.set_extra_clearance(extra)
+        answer = planner.approach(DOWN, q=found.q_pre)
+        assert bool(answer) == (extra == 0.0)
+        assert answer or answer.blocker.failed == ("scenery" if stands else "frame")
+
+
+def test_sparse_points_of_a_bin_leave_none_to_spare(planner):
+    """The same points, of which is not told that they are dense."""
+    see(planner, bin_around(planner.robot, DOWN, 0.02))
+    found, points = planner.approach(DOWN), planner.points.copy()
+    assert found.fine
+    planner.step(points, planner.cell_map.roadmap.nodes[0])
+    assert not planner.approach(DOWN, q=found.q_pre)
+
+
+def test_what_is_held_is_kept_off_the_table_too(cell_map):
+    """The finer cover knows it, and forgets it again."""
+    planner = odm.ReactivePlanner(cell_map)
+    see(planner, [box([0.6, 0.8, 0.04], [0.6, 0.0, 0.16])])
+    for _ in range(2):
+        found = planner.approach(DOWN)
+        assert found
+        planner.attach(np.array([[0.0, 0.0, 0.06, 0.03]]))
+        answer = planner.approach(DOWN, q=found.q_pre)
+        assert not answer and answer.blocker.link == "payload"
+        planner.detach()
+
+
 def test_a_blocked_line_names_link_point_and_leg(planner):
     see(planner, [])
     q = planner.approach(DOWN).q_pre

@@ -249,3 +249,23 @@ def test_no_shortcut_is_remembered_from_another_hand(cell_map, takes):
     planner.attach(BALLS) if takes else planner.detach()
     planner.set_goals([0.5 * OVER])  # no step in between: the usual order of a pick
     assert not (planner.memory.shortcuts.key >= 0).any()
+
+
+@pytest.mark.parametrize("takes", [True, False])
+def test_goals_are_joined_anew_for_another_hand(cell_map, takes):
+    """Set again at once they are as of who had none before."""
+    told = []
+    for before in ([OVER, HIGH], []):
+        planner = odm.ReactivePlanner(cell_map)
+        if not takes:
+            planner.attach(BALLS)
+        if before:
+            planner.set_goals(before)
+        planner.step(NOBODY, q=HIGH)  # goals are joined to nodes on the way from there
+        planner.attach(BALLS) if takes else planner.detach()
+        planner.set_goals([OVER])
+        goals, pool = planner.memory.goals, planner.memory.pool
+        n, (items, cells) = goals.number[0], pool.used
+        rows = goals.node[0, :n], goals.ref[0, :n], pool.end[:items], pool.mask[:cells]
+        told.append([row.tobytes() for row in rows])
+    assert told[0] == told[1] and n > 0

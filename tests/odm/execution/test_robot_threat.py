@@ -1,12 +1,21 @@
 """What another robot may still sweep holds all that it then does."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from small import DATA
 
 from odm.exact.distances import ExactRobot
 from odm.execution.robot_spheres import RobotSpheres
-from odm.execution.robot_threat import Stretch, intent_threat, limits_threat
+from odm.execution.robot_threat import (
+    Stretch,
+    intent_of,
+    intent_threat,
+    limits_threat,
+)
+from odm.execution.settings import IntentSettings
 from odm.obstacles.shapes import Sphere
 from roadmap import load_robot
 from roadmap.errors import BadInput
@@ -64,6 +73,27 @@ def test_an_intent_holds_the_whole_motion_at_all_times(spheres, rng):
         assert threat.between(0.0, 0.01)[1] == 0.0
 
 
+def test_an_intent_holds_what_comes_before_its_stop_begins(spheres):
+    path = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    motion, t, later = time_path(spheres.robot, path), 0.6, 0.2
+    stop = motion.stop(t + later)
+    moves = SimpleNamespace(motion=motion, t=t, held=stop, held_t=-later)
+    threat = intent_threat(spheres, intent_of(moves), T)
+    for dt in np.linspace(0.0, later, 9):
+        assert held(threat.swept.spheres, spheres.at(motion.at(t + dt).q, T))
+
+
+def test_an_intent_holds_a_joint_that_speeds_up_all_the_time(spheres):
+    """The elbow alone, by which spheres are moved by all that is reckoned with."""
+    motion = time_path(spheres.robot, np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]))
+    times = np.linspace(0.0, 0.5 * motion.duration, 400)
+    begin = times[np.argmax([motion.at(t).ddq[1] for t in times])]
+    end = begin + IntentSettings().step_s
+    threat = intent_threat(spheres, (Stretch(motion, begin, end),), T)
+    for t in (begin, end):
+        assert held(threat.swept.spheres, spheres.at(motion.at(t).q, T))
+
+
 def test_a_robot_at_rest_intends_to_stay(spheres):
     still = time_path(spheres.robot, np.zeros((1, 3)))
     threat = intent_threat(spheres, (Stretch(still, 0.0, 0.0),), T)
@@ -82,6 +112,16 @@ def test_the_limits_hold_what_a_robot_can_do(spheres, rng):
             assert more == 0.0
             for t in np.linspace(begin, end, 7):
                 assert held(there.spheres, spheres.at(motion.at(now + t).q, T))
+
+
+def test_the_limits_hold_a_robot_that_turns_round(spheres):
+    """Its elbow, which alone can: it goes back at full speed for most of a second."""
+    q, dq = np.zeros(3), np.array([0.0, spheres.robot.max_velocity[1], 0.0])
+    threat = limits_threat(spheres, T, q, dq)
+    threat = replace(threat, acceleration=threat.acceleration * [0.0, 1.0, 0.0])
+    there, more = threat.between(1.0, 1.0)
+    assert more == 0.0
+    assert held(there.spheres, spheres.at(q - 0.5 * dq, T))
 
 
 def test_old_data_make_the_spheres_larger(spheres):

@@ -198,6 +198,19 @@ def test_nobody_is_expected_to_speed_up_to_more_than_the_speed_of_who_is_not_kno
             assert growth(threat.as_so_far(), t, t)[0] == pytest.approx(calm)
 
 
+def test_who_moves_may_turn_round_to_be_as_fast_as_who_is_not_known():
+    """So farther from where their velocity leads by what they go there meanwhile."""
+    ball = np.array([[0, 0, 0, 0, 0, 0, 0.01]], float)
+    v, t, s = np.full((1, 2, 3), [1.5, 0.0, 0.0]), 0.5, ThreatSettings()
+    threat = Threat(ball, v, np.zeros(1), 0.0, s)
+    assert growth(threat, t, t)[0] == pytest.approx((s.speed + 1.5) * t)
+
+
+def test_of_who_is_not_followed_yet_the_noise_counts_too():
+    threat = Watcher(ThreatSettings(noise=0.01)).look(arms_apart(0.4, 0.0), 0.0)
+    assert growth(threat, 0.0, 0.1) == pytest.approx(0.01 + 2.0 * 0.1)
+
+
 # --- names -----------------------------------------------------------------------
 
 
@@ -265,6 +278,26 @@ def test_ends_that_change_places_and_parts_that_jump_are_of_unknown_speed():
         assert threat.known.tolist() == [False, True]
         assert np.allclose(threat.velocity[1, :, 0], -0.4, atol=1e-6)
         assert growth(threat, 0.1, 0.2)[0] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_who_speeds_up_as_nobody_can_is_of_unknown_speed(noise):
+    """Either part stands; one is 3 cm on in 10 ms, the other goes at 8 m/s."""
+    watcher = Watcher(ThreatSettings(noise=noise))
+    for k in range(12):
+        arms = arms_apart(0.4, 0.0)
+        arms[0, [0, 3]] += 0.03 * (k >= 6)
+        arms[1, [0, 3]] += 0.08 * max(0, k - 6)
+        threat = watcher.look(arms, 0.01 * k)
+        if k >= 6:
+            assert threat.known.tolist() == [k > 7, k == 6]
+
+
+def test_a_short_part_whose_ends_change_places_is_of_unknown_speed():
+    watcher, part = Watcher(), np.array([[0.3, 0, 0, 0.303, 0, 0, 0.05]])
+    for k in range(6):
+        threat = watcher.look(part if k < 5 else part[:, [3, 4, 5, 0, 1, 2, 6]], k / 50)
+    assert not threat.known.any()
 
 
 def test_a_hand_that_trembles_is_still_followed():
@@ -358,7 +391,8 @@ def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
         if k == 0:  # nobody was seen before
             assert growth(threat, 0.0, 0.2)[0] == pytest.approx(0.4)
         if k >= 10:
-            assert growth(threat, 0.0, 0.2)[0] >= 0.2 * speed
+            sped_up = ThreatSettings().acceleration * (k - 9) / rate
+            assert growth(threat, 0.0, 0.2)[0] >= 0.2 * (speed + sped_up) - 1e-9
 
 
 def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
@@ -503,6 +537,9 @@ def test_of_who_is_partly_calm_some_speed_up_no_harder_and_all_are_told():
         threat.fastest,
         threat.displacement_bound(0.3),
     )
+    swift = replace(threat, velocity=np.full((2, 2, 3), [2.0, 0.0, 0.0]))
+    assert swift.as_so_far().between(1.2, 1.2)[1] == 0.0
+    assert SteadyParts(swift, these).between(1.2, 1.2)[1] == np.inf  # one may be so far
 
 
 def rod(x, z=0.4):

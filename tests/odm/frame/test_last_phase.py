@@ -180,6 +180,17 @@ def test_the_gripper_keeps_a_centimetre_whatever_the_clearance(cell_map):
         assert not planner.is_free(Q, Q)
 
 
+def test_how_far_points_may_be_apart_counts_for_the_gripper_too(planner):
+    """A point 3.5 cm beside the palm, of a surface sampled densely, or within rho."""
+    planner.attach(HELD)
+    point = np.array([[0.72, 0.105, 0.0]])
+    for radius, free in ((SPACING, True), (None, False), (SPACING, True)):
+        planner.step(point, Q, covering_radius=radius, classes=[odm.CONTACT])
+        freedom = planner.is_free(Q, Q, phase="give")
+        assert bool(freedom) == free
+        assert free or "palm" in freedom.reason
+
+
 def test_what_is_too_near_may_be_left_and_not_approached(planner):
     """With `escape` the palm leaves an object that touches it; else it may not move."""
     q, bend = np.array([0.4, -0.8, 0.4]), np.array([0.1, -0.2, 0.1])

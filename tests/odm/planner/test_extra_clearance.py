@@ -189,3 +189,13 @@ def test_an_edge_is_blocked_from_the_cell_next_door(small_map):
     planner.set_extra_clearance(0.2 * grid.h)
     planner.step(p[None], HOME)
     assert not before and 0 in planner.invalid_nodes()
+
+
+def test_a_shape_far_beside_the_grid_is_sampled_as_soon_as_it_may_count(planner):
+    """Else one point stands for it, in no cell."""
+    grid = planner.cell_map.grid
+    corner = grid.upper + 0.25 / np.sqrt(3.0)  # 25 cm beyond it
+    planner.step(odm.Obstacles(spheres=np.array([[*corner, 0.05]])), q=HOME)
+    assert len(planner.points) == 1
+    planner.set_extra_clearance(0.3)
+    assert len(planner.points) > 1

@@ -78,8 +78,11 @@ def test_braking_sees_points_outside_the_grid(small_map, planner):
     assert (grid.locate(point) < 0).any()
     assert planner.blocked_leg(q[None], gap - keep - 1e-6, point) is None
     assert planner.blocked_leg(q[None], gap - keep + 1e-6, point) == 0
+    planner.step(point + [0.0, 0.0, 0.1], q=q)  # who is looked for anew in each frame
+    assert planner.separation(q) > gap + 0.05
     planner.step(point, q=q)
     assert planner.blocked_leg(q[None], gap - keep + 1e-6) == 0
+    assert planner.separation(q) == pytest.approx(gap)
 
 
 def test_less_distance_from_a_rounded_surface_is_no_touch(small_map, planner):

@@ -160,6 +160,23 @@ def test_the_path_in_use_stays_where_it_is_free_and_goes_where_it_is_not(small_m
     assert planner.step(NOBODY, q=HOME).path.size
 
 
+def test_what_stands_on_the_way_behind_keeps_the_robot_from_going_back(small_map):
+    """It closes no leg that is ahead, so the path stays; but not that behind."""
+    planner = odm.ReactivePlanner(small_map)
+    planner.scene.add("wall", WALL, OVER)
+    planner.set_goals([AWAY])
+    path = np.array(planner.step(NOBODY, q=HOME).path)
+    late = 0.5 * (path[-3] + path[-2])
+    planner.step(NOBODY, q=late)
+    passed = tool_pose(planner.robot, 0.5 * (path[0] + path[1]))[:3, 3]
+    planner.scene.add("ball", odm.Sphere(0.03), pose_of(passed, np.zeros(3)))
+    assert planner.step(NOBODY, q=late).status == "following"
+    back = planner.step(NOBODY, q=path[0])
+    assert not planner.is_free(path[0], path[1])
+    for a, dq in legs(planner.robot, back.path):
+        assert planner.is_free(a, a + dq)
+
+
 def test_a_goal_in_the_new_object_is_not_reached_and_comes_back(small_map):
     planner = odm.ReactivePlanner(small_map)
     planner.set_goals([AWAY])

@@ -10,23 +10,30 @@ import odm
 from odm.close_test import _static as kernels
 from odm.close_test.close_test import CloseTest
 from roadmap.errors import BadInput
+from roadmap.kinematics.forward import tool_pose
 
 NAN, INF = math.nan, math.inf
 POINTS = odm.sample_capsules(POST, 0.03)
 STILL = np.zeros(3)
 
 
+def evasion(planner: odm.ReactivePlanner) -> np.ndarray | None:
+    """Return how the robot evades a ball that comes at its hand."""
+    ball = ball_at(tool_pose(planner.robot, HOME)[:3, 3] + [0.05, 0.0, 0.0])
+    return planner.evasion(HOME, [(0.5, ball), (1.0, ball)], 1.0)
+
+
 def is_closed(planner: odm.ReactivePlanner) -> bool:
     """Return whether every question is answered with no."""
     freedom = planner.is_free(HOME, HOME)
-    coming = [(0.1, POINTS), (0.3, POINTS)]
     answers = (
         not freedom and freedom.failed == "frame" and "last frame" in freedom.reason,
+        not planner.is_free(HOME, HOME, by_links=True),
         not planner.stands_clear(HOME),
         planner.separation(HOME) == -INF,
         planner.blocked_leg(HOME[None]) == 0,
         planner.blocked_leg(HOME[None], points=NOBODY) is None,  # these are known
-        planner.evasion(HOME, coming, 0.5) is None,
+        evasion(planner) is None,
         len(planner.invalid_nodes()) == planner.cell_map.roadmap.n_nodes,
         len(planner.invalid_edges()) == planner.cell_map.roadmap.n_edges,
     )
@@ -212,7 +219,7 @@ def test_a_refused_frame_holds_and_no_question_says_free(planner, points, times,
     planner.set_goals([AWAY])
     first = {"stamp": 1.0} if times == {"stamp": 0.9} else {"stamp": 1.0, "now": 1.01}
     assert planner.step(NOBODY, q=HOME, **first).status != "holding"
-    assert planner.is_free(HOME, HOME)
+    assert planner.is_free(HOME, HOME) and evasion(planner) is not None
     if times == {"stamp": 0.9, "now": 0.95}:  # a clock set back is another beginning
         assert planner.step(points, q=HOME, **times).status != "holding"
         return

@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, POST, ball_at, wrapped
+from small import AWAY, HOME, NOBODY, POST, ball_at, on_its_way, wrapped
 from wrappers import with_wrapper
 
 import odm
 from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
+from odm.search import _paths as paths
 from odm.search._off_path import motion_deviation, nearest_share
 from odm.search._paths import is_on
+from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import sphere_centers
 
 is_on = with_wrapper(is_on)
@@ -119,6 +121,47 @@ def test_a_steady_error_is_measured_from_what_was_certified(small_map):
         assert answer.status == "following"
         assert np.array_equal(planner.memory.certificates.begin[:k], ends[0])
         assert np.array_equal(planner.memory.certificates.end[:k], ends[1])
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_each_segment_is_a_part_of_what_was_certified_for_it(small_map, rng, always):
+    """Whatever bettered the path in use, while a robot follows it and trembles.
+
+    And so is the rest of the one that it is on, else it is known to be off it.
+    """
+    changed = beside = 0
+    for seed in range(4):
+        first, points, answer = on_its_way(small_map, seed)
+        planner = odm.ReactivePlanner(small_map, always_replan=always)
+        planner.set_goals(first.goals)
+        m, q = planner.memory, HOME
+        for k in range(12):
+            answer = planner.step(points, q=q)
+            changed += answer.status == "replanned" or planner.improve(6) > 0
+            if len(answer.path) < 2:
+                break
+            for i in range(int(m.path.count[0]) - 1):
+                for place in m.path.q[i : i + 2]:
+                    assert is_on(m.certificates, i, place)
+            on = is_on(m.certificates, planner.path.segment, q)
+            assert on or off_its_segment(planner)
+            beside += not on
+            a, b = answer.path[:2]
+            way = planner.frame.difference(a, b)
+            q = a + min(1.0, 0.1 / np.linalg.norm(way)) * way
+            q = q + 1e-3 * (k % 3 > 0) * rng.normal(size=3)
+    assert changed > 6 and (always or beside > 6)
+
+
+def test_a_cut_is_found_by_both_its_ends_where_others_take_its_place(planner):
+    """Of a full half of the table many wait for a free row."""
+    cuts = planner.memory.shortcuts
+    pairs = [(a, b) for a in range(50) for b in range(50)][: len(cuts.key) // 2]
+    for item, (a, b) in enumerate(pairs):
+        assert paths.find_shortcut(cuts, a, b) == NO_ITEM
+        assert paths.add_shortcut(cuts, a, b, item)
+    found = [paths.find_shortcut(cuts, a, b) for a, b in pairs]
+    assert found == list(range(len(pairs)))
 
 
 def test_answers_of_long_sequences_are_what_a_fresh_planner_says(small_map):

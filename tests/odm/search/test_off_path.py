@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from forms import some
-from small import HOME, on_its_way
+from small import HOME, NOBODY, on_its_way
 from wrappers import with_wrapper
 
 import odm
@@ -12,9 +12,11 @@ from odm.close_test.safety import Safety
 from odm.frame.place import Standing, place_of
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
+from odm.search import _step as step
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
 
+is_off_path_known = with_wrapper(step.is_off_path_known)
 locate_off_path = with_wrapper(off_path.locate_off_path)
 
 
@@ -181,6 +183,62 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
         assert (m.off_path.free == 0).all()
         seen += 1
     assert seen >= 3
+
+
+def _just_kept_off(planner, path):
+    """Let a point stand that a segment of a path just keeps off.
+
+    Returns its number, its middle, and a displacement from there by which the robot is
+    1 mm nearer to the point.
+    """
+    static, safety = planner.static, planner.cell_map.safety
+    moving, lift = planner.robot.moving, np.array([0.0, 1e-3, 0.0])
+    for k in range(1, len(path) - 1):
+        dq = path[k + 1] - path[k]
+        on = path[k] + 0.5 * dq
+        there = sphere_centers(static.robot, on)[moving]
+        moved = sphere_centers(static.robot, on + lift)[moving] - there
+        far = np.linalg.norm(moved, axis=1)
+        i = int(far.argmax())
+        for gap in np.arange(0.0, 0.0014, 2e-4):
+            keep = planner.robot.spheres[moving, 3][i] + safety.rho + safety.m + gap
+            there_is(static, there[i] + keep * moved[i] / far[i])
+            if static.motion_free(path[k], dq):
+                return k, on, 1e-3 / far[i] * lift
+    raise AssertionError("no point stands so")
+
+
+def test_a_tube_around_a_segment_tells_of_no_other_and_is_not_thin(small_map):
+    planner, _, answer = on_its_way(small_map, 2)
+    k, on, nearer = _just_kept_off(planner, answer.path)
+    m, beside = planner.memory, on + 7.0 * nearer
+    for segment, q, free in ((0, answer.path[:2].mean(axis=0), 1), (k, beside, 0)):
+        m.numbers.where[0] = segment
+        planner.path.certify_off_path(q)
+        assert (m.off_path.free == free).all()
+
+
+def test_a_robot_beside_its_segment_is_not_led_nearer_to_what_stands_still(small_map):
+    planner, _, answer = on_its_way(small_map, 2)
+    k, on, nearer = _just_kept_off(planner, answer.path)
+    static, rounding, q = planner.static, small_map.safety.rounding, on + 5.5 * nearer
+    assert planner.step(NOBODY, q=on).status == "following"
+    assert planner.path.locate(q)[0] == k
+    ahead = answer.path[k + 1] - q
+    assert not static.motions_free(q[None], ahead[None], nearer=rounding).any()
+    path = planner.step(NOBODY, q=q).path
+    for a, b in zip(path, path[1:], strict=False):
+        assert static.motions_free(a[None], (b - a)[None], nearer=rounding).all()
+
+
+def test_what_is_known_beside_a_segment_is_of_this_very_motion(small_map):
+    planner, _, answer = on_its_way(small_map, 2)
+    known, path, q = planner.memory.off_path, planner.memory.path, answer.path[0]
+    for row in range(3):  # from elsewhere, to or from another end
+        known.q[:] = q, path.q[1], path.q[0]
+        assert is_off_path_known(known, path, 0, q)
+        known.q[row, 1] += 1e-9
+        assert not is_off_path_known(known, path, 0, q)
 
 
 def test_a_corner_takes_nothing_where_tracking_may_be_off_by_more_than_blending():

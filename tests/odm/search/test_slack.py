@@ -17,7 +17,9 @@ from wrappers import with_wrapper
 
 import odm
 from odm.close_test._slack import (
+    BEND,
     NEAR,
+    WIDE,
     balls_from_solid,
     displaced,
     in_fours,
@@ -28,6 +30,7 @@ from odm.search import _judge as judge
 from odm.search._measured import RESERVE, SAG
 from odm.search._state import NO_ITEM, PIECES
 from roadmap.kinematics.forward import tool_pose
+from roadmap.transforms import pose_of
 
 part_free = with_wrapper(judge.part_free)
 stands_free = with_wrapper(judge.stands_free)
@@ -69,6 +72,18 @@ def test_no_place_is_nearer_by_more_than_shapes_were_displaced(kind, rng):
             lost = exact_distance(old, places) - exact_distance(new, places)
             assert lost.max() <= bound + 1e-6
             assert bound < 40.0 * step
+
+
+@pytest.mark.parametrize("turn, more", [(0.3, 0.0), (0.0, 0.1)])
+def test_an_end_of_a_long_box_is_displaced_no_farther_than_told(turn, more):
+    """Turned about its narrow side, and grown: there the bound is nearly reached."""
+    old, size = odm.Box((0.8, 0.02, 0.01)), (0.8 + more, 0.02, 0.01)
+    T = pose_of(np.zeros(3), np.array([0.0, 0.0, turn]))
+    new, end = odm.Box(size, T), T[:3, 0] * 0.5 * size[0]
+    before = solids_of([old])
+    bound = displaced(before.rows, before.kind, 1, solids_of([new]))
+    lost = exact_distance(old, end[None]) - exact_distance(new, end[None])
+    assert 0.6 * bound < lost <= bound + 1e-9
 
 
 def test_others_shapes_are_displaced_without_bound(rng):
@@ -143,6 +158,37 @@ def test_spheres_are_taken_in_fours_where_there_are_so_many(small_map):
         assert (end - begin) % 4 == 0 or n < 4 or begin == 0
         if n >= 24:
             assert (end - begin) % 4 == 0
+
+
+def test_a_motion_from_or_to_beside_another_is_another_one(planner):
+    """Of which nothing is known; a rest of the very motion is a part of it."""
+    planner.step(odm.Obstacles.of([ball_at(np.array([0.0, 0.0, 5.0]))]), q=HOME)
+    table, slacks = planner.memory.table, planner.memory.slacks
+    dq, beside = planner.frame.difference(HOME, AWAY), np.array([0.0, 0.0, 1e-4])
+    for q, d, kept in (
+        (HOME, dq, 1),
+        (HOME + 0.5 * dq, 0.5 * dq, 1),
+        (HOME, dq + beside, 2),
+        (HOME + beside, dq - beside, 3),
+    ):
+        assert part_free(table, NO_ITEM, q, d)
+        assert (slacks.chords > 0).sum() == kept
+
+
+def test_what_was_measured_so_long_ago_that_its_shapes_are_forgotten_is_measured(
+    planner,
+):
+    """A ball comes to where nobody asked meanwhile; another motion is asked often."""
+    tool, far = (tool_pose(planner.robot, q)[:3, 3] for q in (HOME, AWAY))
+    still, table = np.zeros_like(HOME), planner.memory.table
+    frames = len(planner.memory.slacks.frame) + 8
+    for k in range(frames + 1):
+        at = tool + [0.0, 0.0, 0.3 * (1.0 - k / frames)]
+        planner.step(odm.Obstacles.of([ball_at(at), ball_at(far)]), q=HOME)
+        if k in (0, frames):
+            assert part_free(table, NO_ITEM, HOME, still) == (k == 0)
+        else:
+            assert not part_free(table, NO_ITEM, AWAY, still)
 
 
 def test_what_is_not_tested_anew_is_free_as_by_a_test(small_map, planner, rng):
@@ -258,9 +304,43 @@ def outermost(small_map, q, dq, t):
 
 def ball_at(place):
     """Return a small ball there."""
-    T = np.eye(4)
-    T[:3, 3] = place
-    return odm.Sphere(0.02, T)
+    return odm.Sphere(0.02, pose_of(place, np.zeros(3)))
+
+
+def cube_at(place):
+    """Return a cube there, hardly larger than a point."""
+    return odm.Box((1e-4, 1e-4, 1e-4), pose_of(place, np.zeros(3)))
+
+
+def by_balls(slacks, c, place):
+    """Return what balls around bodies have to spare where chord c begins, and ends.
+
+    Of the motion that was asked for last, from a small ball, less the sag; NaN where
+    these balls were not looked at.
+    """
+    k = int(slacks.asked.argmax())
+    row, n = k * (slacks.nearest.shape[1] + 1) + c, slacks.chords[k]
+    if not slacks.placed[row : row + 2].all():
+        return np.nan
+    wide, bend = slacks.bound[k, WIDE], slacks.bound[k, BEND]
+    far = np.linalg.norm(slacks.balls[row : row + 2] - place[:, None], axis=1)
+    return (far - 0.02 - wide - bend / (8.0 * n * n))[:, wide >= 0.0].min()
+
+
+def test_the_sag_comes_off_what_balls_around_bodies_have_to_spare(planner, rng):
+    """A ball ahead of the end of a motion, where a chord's end is nearest to it."""
+    told = 0
+    for _ in range(12):
+        q, dq = draw_valid(planner, rng), np.array([1.2, 0.0, 0.0])
+        place, radius, ways = outermost(planner.cell_map, q, dq, 1.0)
+        for far in (0.08, 0.12):
+            at = place + (radius + 0.02 + far) * ways[1]
+            spare, nearest = asked(planner, [ball_at(at)], q, dq)
+            for c in np.flatnonzero((nearest < 0) & (spare > NEAR)):
+                least = by_balls(planner.memory.slacks, c, at)
+                assert not spare[c] > least + 1e-9
+                told += spare[c] > least - 1e-3
+    assert told > 10
 
 
 def test_the_sag_and_the_speed_come_off(small_map, planner, rng):
@@ -285,6 +365,20 @@ def test_the_sag_and_the_speed_come_off(small_map, planner, rng):
                 by_sphere += nearest[c] >= 0
                 by_body += nearest[c] < 0
     assert by_sphere > 8 and by_body > 4
+
+
+@pytest.mark.parametrize("thing_at, size", [(ball_at, 0.02), (cube_at, 1e-4)])
+def test_what_is_too_near_by_half_a_millimetre_is_not_free(
+    small_map, planner, rng, thing_at, size
+):
+    """Of a short motion, whose chords are hardly bent; and what has as much is."""
+    for _ in range(8):
+        q, dq = draw_valid(planner, rng), np.array([0.1, 0.0, 0.0])
+        place, radius, ways = outermost(small_map, q, dq, 0.5)
+        for far in (-5e-4, 2e-3):
+            away = (radius + small_map.safety.m + size + far) * ways[0]
+            planner.step(odm.Obstacles.of([thing_at(place + away)]), q=q)
+            assert part_free(planner.memory.table, NO_ITEM, q, dq) == (far > 0.0)
 
 
 def test_the_sag_of_two_chords_measured_as_one_comes_off(small_map, planner, rng):
