@@ -22,6 +22,7 @@ from odm.obstacles.shapes import Box, Capsule, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
+from roadmap.kinematics._limits import LIMIT_TOLERANCE
 from roadmap.kinematics.forward import difference
 from roadmap.transforms import moved_points, pose_with, rotation_to_z
 
@@ -31,7 +32,6 @@ NEAR = 0.005  # [m] a leg that could not keep so much more is a near miss
 STEP = 0.006  # [m] least advance along a leg between two exact distances
 FAR = 0.3  # [m] distances beyond are not resolved
 EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
-LIMIT_TOLERANCE = 1e-3  # [rad or m] a start so far outside its limits is tolerated
 PLACES = 513  # of a leg that are looked at where the whole is refused
 SHAPES = ("shapes", "both")  # modes of `World` with shapes
 GROUND = 20.0  # [m] side of the box that stands for a half-space
