@@ -459,7 +459,8 @@ class Frame:
     def mark(self) -> None:
         """Mark the frame's points anew: verdicts about them are void."""
         if len(self.points) > len(self.memory.cloud.where):
-            self.grow_clouds(2 * len(self.points))
+            self.grow_clouds(2 * len(self.points))  # which marks them
+            return
         # while room is made the points may be those of the frame before
         n_given = min(len(self.points), self.n_given)
         kernels.take_points(self.memory.table, self.points, n_given)
