@@ -390,7 +390,8 @@ class CloudThreat:
     """A cloud of points, of whose motion nothing is known but a bound on its speed.
 
     Attributes:
-        points: (n, 3) points on the surfaces of who moves, within the map's rho [m].
+        points: (n, 3) points on the surfaces of who moves, within the map's rho [m]; also
+            those that no motion reaches, so not of a cloud that a planner cropped.
         age: Age of the points [s]; None or NaN: not known, and nothing holds them.
         settings: Its `speed` and `noise` count.
     """
