@@ -6,6 +6,7 @@ import numpy as np
 
 from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadConfiguration, BadInput
+from roadmap.kinematics._limits import MOST_TURNED
 from roadmap.ranges import is_between
 from roadmap.robot.joint_values import looks_like_degrees, slides
 from roadmap.robot.robot import Robot
@@ -131,14 +132,15 @@ def check_path(robot: Robot, path: np.ndarray) -> np.ndarray:
 
 def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:
     """Name the joint that is farthest outside its limits, or None."""
-    over = np.maximum(robot.lower - q, q - robot.upper)
-    over = np.where(robot.continuous, -np.inf, over)
+    lower = np.where(robot.continuous, -MOST_TURNED, robot.lower)
+    upper = np.where(robot.continuous, MOST_TURNED, robot.upper)
+    over = np.maximum(lower - q, q - upper)
     worst = int(np.argmax(over))
     if not over[worst] > tolerance:
         return None
-    low, high, value = robot.lower[worst], robot.upper[worst], float(q[worst])
+    low, high, value = lower[worst], upper[worst], float(q[worst])
     prismatic = slides(robot, worst)
-    degrees = looks_like_degrees(value, prismatic)
+    degrees = not robot.continuous[worst] and looks_like_degrees(value, prismatic)
     return (
         f"{robot.joint_names[worst]} = {value:.4g} lies outside its limits "
         f"{low:.4g} to {high:.4g} by {over[worst]:.2g} {'m' if prismatic else 'rad'}"

@@ -58,7 +58,7 @@ def test_lines_are_short_but_for_tables_and_names():
         ("odm/close_test/safety.py", "user: float = 0.0"),
         ("odm/planner/path.py", "_TUBE_RADIUS = 0.01 "),
         ("odm/search/_paths.py", "ON = 1e-7 "),
-        ("odm/search/_step.py", "LIMIT_TOLERANCE = 1e-3 "),
+        ("roadmap/kinematics/_limits.py", "LIMIT_TOLERANCE = 1e-3 "),
         ("odm/close_test/_close.py", "ESCAPE_SLACK = 1e-3 "),
         ("odm/cell_map/cell_map.py", "ROUNDING = 1e-6 "),
         ("odm/planner/settings.py", "max_age_s: float = setting(0.1, "),

@@ -29,7 +29,7 @@ CHUNK = 2000  # pairs of one unit of work; results do not depend on the threads
 PARENTS, CHILDREN, GENERATIONS = 8, 5, 20
 N_WORST = 8  # cases of a report
 EXACT_GAP = 1e-7  # [m] bounds nearer than this count as resolved
-CAP = 0.1  # [m] larger separations are not resolved
+CAP = 0.1  # [m] larger separations are not resolved, where m is less than half of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,8 @@ class Auditor:
         cloud = cell_map.grid.new_cloud(int(np.diff(self.library.point_ptr).max()))
         work = make_work(cell_map.arm, cell_map.robot.dof)
         audited = kernels.Audited(self.asked, cell_map.arm, cloud, work, NO_SOLIDS)
-        kernels.audit_pairs(audited, self.solids, self.library, pairs, CAP, found)
+        cap = max(CAP, 2.0 * cell_map.safety.m)
+        kernels.audit_pairs(audited, self.solids, self.library, pairs, cap, found)
         return found
 
     def case(self, pairs: kernels.Pairs, found: kernels.Found, k: int) -> Case:

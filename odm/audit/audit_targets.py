@@ -75,12 +75,15 @@ def _tight(robot: Robot, i: int) -> np.ndarray:
     corners = BOX_CORNERS * robot.solid_size[i] if box else _hull_points(robot, i)
     spheres = robot.spheres[robot.sphere_body == robot.link_body[robot.solid_link[i]]]
     T = robot.solid_pose[i]
-    away = (corners @ T[:3, :3].T + T[:3, 3])[:, None] - spheres[None, :, :3]
+    at = corners @ T[:3, :3].T + T[:3, 3]
+    away = at[:, None] - spheres[None, :, :3]
     length = np.linalg.norm(away, axis=2)
     outside = length - spheres[:, 3]
-    nearest = outside.argmin(axis=1)
-    rows = np.arange(len(corners))
-    out = away[rows, nearest] / length[rows, nearest][:, None]
+    rows, nearest = np.arange(len(corners)), outside.argmin(axis=1)
+    out = away[rows, nearest]
+    centred = length[rows, nearest] == 0.0  # then away from the middle of the solid
+    out[centred] = (at - at.mean(axis=0))[centred]
+    out /= np.linalg.norm(out, axis=1)[:, None]
     order = np.argsort(-outside.min(axis=1), kind="stable")[:10]
     order = np.resize(order, 200)  # the ten tightest, each many times
     return np.hstack([corners, out @ T[:3, :3]])[order]

@@ -22,16 +22,17 @@ from odm.obstacles.shapes import Box, Capsule, Shape
 from odm.obstacles.surfaces import sample_capsules
 from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
+from roadmap.kinematics._limits import LIMIT_TOLERANCE
 from roadmap.kinematics.forward import difference
 from roadmap.transforms import moved_points, pose_with, rotation_to_z
 
-SPACING, DENSE = 0.03, 0.01  # [m] of samples; where the covering radius is declared
+# [m] of samples, where the map's rho allows it; where the covering radius is declared
+SPACING, DENSE = 0.03, 0.01
 TOLERANCE = 1e-6  # [m] of exact distances
 NEAR = 0.005  # [m] a leg that could not keep so much more is a near miss
 STEP = 0.006  # [m] least advance along a leg between two exact distances
-FAR = 0.3  # [m] distances beyond are not resolved
+FAR = 0.3  # [m] distances beyond are not resolved, nor beyond twice what is kept
 EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
-LIMIT_TOLERANCE = 1e-3  # [rad or m] a start so far outside its limits is tolerated
 PLACES = 513  # of a leg that are looked at where the whole is refused
 SHAPES = ("shapes", "both")  # modes of `World` with shapes
 GROUND = 20.0  # [m] side of the box that stands for a half-space
@@ -55,6 +56,7 @@ class World:
             is round; "dense": a smaller covering radius is declared; "shapes": shapes
             without samples; "both": the capsules as samples, the others as shapes.
         repeat: Samples are repeated until they are so many, once.
+        rho: The map's covering radius [m].
     """
 
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
@@ -66,6 +68,7 @@ class World:
     held: np.ndarray | None = None
     mode: str = "rho"
     repeat: int = 0
+    rho: float = SPACING
 
     def furnish(self, planner: ReactivePlanner) -> None:
         """Let the boxes stand around a planner's robot, and nothing else."""
@@ -99,17 +102,21 @@ class World:
 
     def points(self) -> np.ndarray:
         """Return samples (n, 3) of the frame's capsules, world frame [m]."""
-        spacing = DENSE if self.mode == "dense" else SPACING
-        points = sample_capsules(self.capsules, spacing)
+        points = sample_capsules(self.capsules, self.spacing)
         if self.repeat and len(points):
             points = np.tile(points, (-(-self.repeat // len(points)), 1))
         self.repeat = 0
         return moved_points(points, self.T_world_base)
 
+    @property
+    def spacing(self) -> float:
+        """Covering radius of the samples of the frame's capsules [m]."""
+        return min(DENSE if self.mode == "dense" else SPACING, self.rho)
+
     def step_arguments(self) -> dict[str, float]:
         """Return the arguments of `step` that say how the points were sampled."""
         if self.mode == "dense":
-            return {"covering_radius": DENSE}
+            return {"covering_radius": self.spacing}
         if self.mode == "round" and len(self.capsules):
             return {"rounding": float(self.capsules[:, 6].min())}
         return {}
@@ -324,17 +331,18 @@ class _ExactSide:
         `kept` from what stands around [m], m from the map's own scenery.
         """
         best, near = _Found(np.inf, np.inf, "nothing"), self._near
+        far = max(FAR, 2.0 * kept, 2.0 * m)
         bound = max(float(np.abs(dq) @ self.motion_bounds), 1e-12)
         t, k = 0.0, 0
         while True:
             at = q + t * dq
             here = np.inf
             if near is not None:
-                found = self.exact.distance(at, near, cap=FAR)
+                found = self.exact.distance(at, near, cap=far)
                 here = found.distance - kept
                 best = _least(best, found.distance, kept, found.link)
             for part, name, use in self.scenery:
-                found = self.exact.distance_of(use, at, part, FAR)
+                found = self.exact.distance_of(use, at, part, far)
                 here = min(here, found.distance - m)
                 best = _least(best, found.distance, m, f"{name} ({found.link})")
             if k % EVERY == 0 or t == 1.0:

@@ -84,7 +84,7 @@ class Sequence:
             settings=replace(many, tight_ends=kept == 1),
         )
         judge.begin()
-        self.world = World()
+        self.world = World(rho=cell_map.safety.rho)
         self.now = 0.0
         self.q = self.draw_valid()
         self.error = np.zeros(self.robot.dof)  # of the measured q

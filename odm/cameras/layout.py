@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from odm.cameras._cubes import Cells, pack
-from odm.cameras._seen import BEYOND
+from odm.cameras._seen import BEYOND, UNSEEN
 from odm.cameras.camera import DepthCamera
 from odm.cameras.settings import SeenSettings
 from odm.cameras.view import View, lay_out_view
@@ -53,9 +53,17 @@ class CellBuffers:
         self.spare2 = self.spare.reshape(cells[0], -1)
         self.counts, self.once = np.zeros(4, np.int64), np.zeros(4, np.int64)
         self.scratch = np.zeros((1, 1, 1, 5), np.uint16)
-        self.blank[~_in_reach(cell_map)] = BEYOND
-        pack(self.blank.view(np.uint32), self.spare, self.beyond)
+        self.blank[:] = BEYOND
+        self.reach_to(cell_map, largest_robot(cell_map))
         self._take(0)
+
+    def reach_to(self, cell_map: CellMap, robot: Robot) -> bool:
+        """Count what a robot may come near, too; False: all of it counted already."""
+        new = (self.blank == BEYOND) & _in_reach(cell_map, robot)
+        for array in (self.blank, *self._pair):
+            array[new] = UNSEEN
+        pack(self.blank.view(np.uint32), self.spare, self.beyond)
+        return bool(new.any())
 
     def _take(self, now: int) -> None:
         self._now = now
@@ -209,10 +217,10 @@ def views(
     return found
 
 
-def _in_reach(cell_map: CellMap) -> np.ndarray:
-    """Return (nx, ny, nz) bool: cells that robot or payload may come near."""
+def _in_reach(cell_map: CellMap, robot: Robot) -> np.ndarray:
+    """Return (nx, ny, nz) bool: cells that a robot, payload included, may come near."""
     grid = cell_map.grid
-    center, radius = bounding_ball(largest_robot(cell_map))
+    center, radius = bounding_ball(robot)
     reach = radius + cell_map.safety.rho + cell_map.safety.m + 1e-3
     far2 = np.zeros((1, 1, 1))
     for a in range(3):

@@ -20,6 +20,7 @@ from odm.cameras.view import lift
 from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
+from roadmap.loading.held_link import with_payload
 from roadmap.ranges import check_kind, settings_of
 
 CELL_NAMES = (
@@ -98,6 +99,7 @@ class SeenSpace:
         noise = self.settings.noise_m
         self._views = layout.views(self.cameras, cell_map, self._buffers, noise)
         self._out = np.zeros((65536, 3))
+        self._carried = b""  # what was carried last
         self.reset()
 
     def reset(self) -> None:
@@ -123,7 +125,9 @@ class SeenSpace:
             q: (dof,) configuration measured at `stamp` [rad or m].
             stamp: Time of the images [s].
             payload: (k, 4) balls in the tool frame that hold what the robot carries:
-                centres and radii [m]; for the self filter.
+                centres and radii [m]. The self filter needs them; and a map without a
+                payload layer to look as far as they reach. That takes up to a second
+                in the first frame with another object.
 
         Returns:
             What is blocked, as points for `planner.step`.
@@ -134,6 +138,7 @@ class SeenSpace:
         images = self._check_images(images)
         q = check_configuration(self.robot, q, None)
         payload = layout.check_payload(payload)
+        self._carry(payload)
         check_kind("stamp", stamp, Real, "give seconds as a number")
         trouble = self._judge_time(stamp)
         if trouble is None and not np.isfinite(q).all():
@@ -150,6 +155,20 @@ class SeenSpace:
         points = self._points()
         self.stamp = float(stamp)
         return self._seen(points, None)
+
+    def _carry(self, payload: np.ndarray) -> None:
+        """Look at what a payload (k, 4) may come near, too, from now on.
+
+        A map with a payload layer has looked so far already.
+        """
+        key, layer = payload.tobytes(), self.cell_map.payload
+        if key in (b"", self._carried) or layer is not None:
+            return
+        self._carried, buffers = key, self._buffers
+        loaded = with_payload(self.robot, payload, solids=[])
+        if buffers.reach_to(self.cell_map, loaded):
+            noise = self.settings.noise_m
+            self._views = layout.views(self.cameras, self.cell_map, buffers, noise)
 
     def cells(self) -> np.ndarray:
         """Return what every cell is since the last fit frame.

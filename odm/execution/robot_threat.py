@@ -87,7 +87,8 @@ def intent_threat(
     Args:
         spheres: The other robot's moving links.
         intent: From `intent_of`.
-        T_base_other: (4, 4) its base in the frame of the robot that asks.
+        T_base_other: (4, 4) its base where `step` of the robot that asks has obstacles:
+            in that one's base frame, or in the world after `set_base`.
     """
     settings = IntentSettings()
     limit = np.asarray(spheres.robot.max_acceleration)
@@ -114,7 +115,8 @@ class LimitsThreat:
 
     Attributes:
         spheres: Its moving links.
-        T_base_other: (4, 4) its base in the frame of the robot that asks.
+        T_base_other: (4, 4) its base where `step` of the robot that asks has obstacles:
+            in that one's base frame, or in the world after `set_base`.
         q, dq: (dof,) measured [rad or m, by seconds].
         age: Age of both [s]; None or NaN where it is not known.
         speed_scale: Share of its velocity limits that it keeps to.

@@ -390,7 +390,8 @@ class CloudThreat:
     """A cloud of points, of whose motion nothing is known but a bound on its speed.
 
     Attributes:
-        points: (n, 3) points on the surfaces of who moves, within the map's rho [m].
+        points: (n, 3) points on the surfaces of who moves, within the map's rho [m];
+            those that no motion reaches, too: not of a cloud that a planner cropped.
         age: Age of the points [s]; None or NaN: not known, and nothing holds them.
         settings: Its `speed` and `noise` count.
     """
@@ -455,7 +456,8 @@ class Watcher:
         another age: so a loop asks that is quicker than its tracker.
 
         Args:
-            capsules: (k, 7) person: a, b, radius [m]; the same parts in every frame.
+            capsules: (k, 7) person: a, b, radius [m], where `step` has them; the same
+                parts in every frame.
             now: Time of the capsules [s]: when they were measured.
             age: Age of the capsules [s]; None: not known, they may be anywhere.
 

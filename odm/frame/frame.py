@@ -76,6 +76,10 @@ _LOADED = (  # nor how its meshes are sampled
     "the memory that was loaded does not say which shapes are near the grid now that "
     "the base or the clearance is another; show a frame"
 )
+_CROPPED = (
+    "the last cloud was cropped where the base stood, or with the clearance that was "
+    "kept, before; show a frame"
+)
 _AS_THE_MAP = None, None  # how points are sampled where nothing is told
 _NOT_ASKED = step.NOT_ASKED  # which every frame compares with
 _NOTHING_AGAIN = object()  # no obstacles at all
@@ -182,6 +186,8 @@ class Frame:
         self.classes: np.ndarray | None = None
         self.trouble: str | None = None
         self._unfit: str | None = None  # what a cloud that came last says of itself
+        # whether a planner or a map cropped the cloud that came last, and the frame's
+        self._is_cut = self._was_cut = False
         self.loaded = 0  # how often a memory was loaded
         self._sorted_outside = SortedCloud(grid)  # of the points of an epoch
         self._outside_in: tuple[int, int] | None = None
@@ -226,9 +232,10 @@ class Frame:
                     "by kind"
                 )
             classes = obstacles.classes
-        self._unfit = None
+        self._unfit, self._is_cut = None, False
         if type(points) is PointCloud:
-            self._unfit, points = points.trouble, points.points
+            self._unfit, self._is_cut = points.trouble, self._cut(points)
+            points = points.points
         # mostly both are what the compiled frame took before, which is seen at once
         if (
             points is not self._taken
@@ -245,6 +252,17 @@ class Frame:
         same = obstacles is self.obstacles and classes is None and self.classes is None
         self._given = None if same else (obstacles, classes)
         return points, q
+
+    def _cut(self, cloud: PointCloud) -> bool:
+        """Return whether a cloud was cropped by a planner or a map; refuse too much."""
+        grid, extra = self.cell_map.grid, self.extra
+        if not cloud.holds(grid.origin - extra, grid.upper + extra, self.base_world):
+            raise BadInput(
+                "the cloud was cropped for another base, extra clearance or map than "
+                "the planner's, so what counts may be missing; crop it with this "
+                "planner, after set_base and set_extra_clearance"
+            )
+        return cloud.is_cut
 
     def asked(self, q: np.ndarray, dq: np.ndarray | None = None) -> np.ndarray:
         """Return q as compiled loops take it, which is kept as `q_taken`."""
@@ -282,7 +300,7 @@ class Frame:
         """
         if rounding is not None:
             check_number("rounding in m", rounding, 0.0, np.inf)
-        self.again = _NOTHING_AGAIN
+        self.again, self._was_cut = _NOTHING_AGAIN, self._is_cut
         if self._given is not None:
             obstacles, classes = self._given
             if obstacles is not None and obstacles is not self._known:
@@ -459,7 +477,8 @@ class Frame:
     def mark(self) -> None:
         """Mark the frame's points anew: verdicts about them are void."""
         if len(self.points) > len(self.memory.cloud.where):
-            self.grow_clouds(2 * len(self.points))
+            self.grow_clouds(2 * len(self.points))  # which marks them
+            return
         # while room is made the points may be those of the frame before
         n_given = min(len(self.points), self.n_given)
         kernels.take_points(self.memory.table, self.points, n_given)
@@ -524,6 +543,7 @@ class Frame:
             "classes": np.zeros(0) if self.classes is None else self.classes.copy(),
             "trouble": np.array(self.trouble or ""),
             "sampled": np.array(sampled, float),
+            "cropped": np.array(self._was_cut),
             "q": self.q.copy(),
             "counted_in": self.memory.direct.frame.copy(),
             **{f"watch_{k}": array for k, array in self.watch.save().items()},
@@ -540,6 +560,7 @@ class Frame:
         n_given = int(saved["heeded"])  # as files have called it
         self.classes = classes.copy() if len(classes) == n_given else None
         self.trouble = str(saved["trouble"]) or None
+        self._was_cut = bool(saved["cropped"])
         sampling = [None if np.isnan(value) else value for value in saved["sampled"]]
         self.set_sampling(tuple(sampling))
         self.memory.numbers.frame[0] -= 1  # which marking adds
@@ -685,6 +706,8 @@ class Frame:
         """
         table, n = self.memory.table, len(given)
         n_all = n
+        if self._was_cut:
+            self.trouble = self.trouble or _CROPPED
         if self.solids.count.item() and self.obstacles is None:
             self.trouble = self.trouble or _LOADED
         elif self.solids.count.item():

@@ -14,6 +14,7 @@ from odm.frame.last_phase import TOUCHED, LastPhase
 from odm.obstacles._solids import Solids
 from odm.obstacles.obstacles import Obstacles, SolidRoom, lent_arrays, some_of
 from roadmap.errors import BadInput
+from roadmap.kinematics._limits import MOST_TURNED
 from roadmap.kinematics.forward import turns, unwrapped
 from roadmap.ranges import check_number, is_real, told
 
@@ -50,7 +51,8 @@ class PathTest:
         frame = self.frame
         path = check_path(frame.robot, path)
         if turns(frame.robot):
-            path = unwrapped(frame.robot, path)
+            known = np.where(np.abs(path) > MOST_TURNED, np.nan, path)
+            path = unwrapped(frame.robot, known)
         self._check_extra(extra, nearer, phase)
         few = None if phase is None else self.last_phase.keepers(phase)
         unknown = not math.isfinite(extra)

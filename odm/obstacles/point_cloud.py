@@ -70,7 +70,10 @@ class PointCloud:
         points: (n, 3) points, camera frame [m]; or (rows, columns, 3).
         T_world_camera: (4, 4) pose of the camera; None: the points are in the world.
         crop: What is left out: None for nothing; (lower, upper), two corners (3,) of a
-            box in the world [m]; or a planner or a map: what no motion can reach.
+            box in the world [m]; or a planner: what no motion can reach, where its base
+            stands and with the distance that it keeps now; or a map: the same where the
+            base is the world and nothing more is kept. Questions for more distance, and
+            braking, count what is farther out, too: crop nothing for them.
         covering_radius: What the thinned points shall have [m], at most the map's rho;
             None thins nothing.
         spacing: Covering radius of the points as the sensor gives them [m]: no place of
@@ -122,6 +125,7 @@ class PointCloud:
             T = check_pose(T_world_camera, "T_world_camera")
             points = moved_points(points, T)
         self.cropped = 0
+        self._kept: _Crop | None = None  # by what a planner or a map reaches
         if crop is not None:
             points = self._crop(points, _crop_of(crop), max_range_m)
         self.thinned, self.covering_radius = 0, spacing
@@ -153,7 +157,24 @@ class PointCloud:
             )
         inside = ((there >= crop.lower) & (there <= crop.upper)).all(axis=1)
         self.cropped = len(points) - int(inside.sum())
+        self._kept = crop if self.cropped and crop.whence == FROM_BASE else None
         return points if not self.cropped else points[inside]
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a planner or a map cropped some of it."""
+        return self._kept is not None
+
+    def holds(
+        self, lower: np.ndarray, upper: np.ndarray, T_base_world: np.ndarray
+    ) -> bool:
+        """Whether no planner or map cropped any of a box, its corners in the base."""
+        kept = self._kept
+        if kept is None:
+            return True
+        wide = (kept.lower <= lower).all() and (kept.upper >= upper).all()
+        T = np.eye(4) if kept.T is None else kept.T
+        return bool(wide and np.array_equal(T, T_base_world))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -14,6 +14,7 @@ from odm.frame.freedom import in_cm
 from odm.planner.attaching import Attacher
 from odm.planner.retreat import Retreat
 from odm.search import _step as step
+from roadmap.kinematics._limits import LIMIT_TOLERANCE, MOST_TURNED
 from roadmap.robot.robot import Robot
 
 _MOST_LISTED = 32
@@ -25,8 +26,10 @@ def start_trouble(robot: Robot, q: np.ndarray, code: int) -> str | None:
     if code == step.NOT_FINITE:
         return "the robot's configuration holds NaN or infinity; check its encoders"
     if code == step.OUT_OF_LIMITS:
-        what = outside_limits(robot, q, step.LIMIT_TOLERANCE)
-        return f"the start is out of limits: {what}; move the joint back by hand"
+        what = outside_limits(robot, q, LIMIT_TOLERANCE)
+        lost = np.abs(q).max() > MOST_TURNED
+        remedy = "check its encoder" if lost else "move the joint back by hand"
+        return f"the start is out of limits: {what}; {remedy}"
     return None
 
 

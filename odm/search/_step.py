@@ -42,6 +42,7 @@ from odm.search._state import (
 )
 from roadmap.compiling._rows import copy_row, same_row
 from roadmap.compiling.jit_options import BRIEF, INNER, LEAN
+from roadmap.kinematics._limits import LIMIT_TOLERANCE, MOST_TURNED
 
 FOLLOWING, PLANNED, NO_PATH, NOT_ATTACHED = 0, 1, 2, 3
 NOT_FINITE, OUT_OF_LIMITS = 4, 5
@@ -49,7 +50,6 @@ REPLAN, OFF_PATH, BETTER = 6, 7, 8
 SWALLOWED = 9  # a shape may hold the whole robot
 NOT_ASKED = -1  # the frame was taken, and not answered
 HAS_NO_PATH = (NO_PATH, NOT_ATTACHED)  # the roadmap has none; there may be one
-LIMIT_TOLERANCE = 1e-3  # [rad or m] a start this far outside its limits is tolerated
 DETOUR_WORTH_SEARCHING = 1.1  # times the straight distance
 BETTER_EVERY = 8  # frames between two looks for a better goal
 # an answer is code + SEGMENT * segment + COUNT * corners + GOAL * (goal + 1) + SAME,
@@ -127,7 +127,9 @@ def take_configuration(state, q):
         if not math.isfinite(q[j]):
             return NOT_FINITE
         over = max(robot.lower[j] - q[j], q[j] - robot.upper[j])
-        if not robot.continuous[j] and over > LIMIT_TOLERANCE:
+        if robot.continuous[j]:
+            over = abs(q[j]) - MOST_TURNED
+        if over > LIMIT_TOLERANCE:
             view(state, "numbers").joint[0] = j
             return OUT_OF_LIMITS
     return FOLLOWING

@@ -5,11 +5,10 @@ import math
 import numpy as np
 
 from roadmap.errors import BadConfiguration
+from roadmap.kinematics._limits import LIMIT_TOLERANCE
 from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.robot.robot import Robot
 
-# A start this far outside its limits is tolerated: encoders are [rad or m].
-LIMIT_TOLERANCE = 1e-3
 TURN = 2 * math.pi
 DEGREES = "this looks like degrees; give radians"
 

@@ -1,6 +1,7 @@
 """The audit finds nothing on a sound map, and finds what was taken away."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.spatial import cKDTree
 from odm.audit import audit as audits
 from odm.audit.audit import Auditor, audit
 from odm.audit.audit_library import FAMILIES, draw_specimens
+from odm.audit.audit_targets import audit_solids
 from odm.audit.sabotage import most_needed_sphere, part_of, spoiled
 from odm.cell_map.build import build_map
 from odm.cell_map.recipe import Recipe, RobotRecipe
@@ -79,6 +81,23 @@ def test_a_sound_map_passes(report):
 def test_a_sound_close_test_passes(cell_map):
     report = audit(cell_map, pairs=3000, close=True, threads=1)
     assert report.passed, str(report)
+
+
+def test_more_is_resolved_where_the_clearance_is_large(cell_map, monkeypatch):
+    monkeypatch.setattr(audits, "CAP", 0.5 * cell_map.safety.m)
+    report = audit(cell_map, pairs=300, threads=1)
+    assert report.passed and report.free_share > 0.2, str(report)
+
+
+def test_a_corner_at_the_very_centre_of_a_sphere_is_aimed_at(cell_map):
+    robot = cell_map.robot
+    corner = [0.3, 0.03, 0.04, 1.0]  # of the forearm's box
+    body = robot.link_body[robot.link_names.index("fore")]
+    spheres = np.where((robot.sphere_body == body)[:, None], corner, robot.spheres)
+    solids = audit_solids(replace(robot, spheres=spheres), np.random.default_rng(0))
+    assert np.isfinite(solids.targets).all()
+    there = np.isclose(solids.targets[:, :3], [0.15, 0.03, 0.04]).all(axis=1)
+    assert (solids.targets[there, 3:] @ corner[:3] > 0.0).all() and there.sum() > 20
 
 
 @pytest.mark.parametrize("term", ["rho", "mu", "sphere"])

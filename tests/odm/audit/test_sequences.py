@@ -8,12 +8,15 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
-from small import HOME
+from scipy.spatial import cKDTree
+from small import HOME, small_recipe
 
 from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequence
 from odm.audit.sequence_judge import Judge, World, solid_of
 from odm.audit.sequences import EVENTS, Sequence
+from odm.cell_map.build import build_map
 from odm.cell_map.recipe import PayloadRecipe
+from odm.obstacles.surfaces import sample_capsules
 from roadmap.errors import BadInput
 
 ORDINARY = sorted(set(EVENTS) - {"grow"})
@@ -141,6 +144,19 @@ def test_only_a_first_leg_from_beside_may_be_nearer_to_what_stands_still(small_m
     assert first.exact and not first.wrong
     assert judge.judge(world, world.given(), q, back, False).wrong
     assert judge.judge(world, world.given(), HOME, there, False, beside=True).wrong
+
+
+def test_obstacles_are_sampled_as_densely_as_the_map_asks():
+    fine = build_map(small_recipe(rho=0.008), threads=1)
+    life = Sequence(fine, 0, Judge(fine))
+    life.world.capsules = rods = np.array([[0.5, 0.0, 0.4, 0.6, 0.1, 0.5, 0.04]])
+    surface = cKDTree(sample_capsules(rods, 0.001))
+    for mode in ("rho", "round", "dense", "both"):
+        life.world.mode = mode
+        apart = cKDTree(life.world.points()).query(surface.data)[0].max()
+        assert 0.006 < apart <= 0.008
+        verdict = life.frame().verdict  # none is refused
+        assert verdict is None or not verdict.wrong
 
 
 def test_a_half_space_is_a_box_whose_side_lies_in_its_plane():

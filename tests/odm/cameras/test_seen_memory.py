@@ -7,6 +7,7 @@ from seen_scenes import camera_at, draw_camera, draw_capsules, picture
 
 import odm
 from odm.cameras.space import CELL_NAMES
+from roadmap.kinematics.forward import tool_pose
 
 UNSEEN, FREE, SHADOW, OCCUPIED, REMEMBERED, UNKNOWN, BEYOND = range(7)
 HAND = np.array([[0.25, 0.0, 0.5, 0.25, 0.1, 0.5, 0.05]])
@@ -226,3 +227,26 @@ def test_the_same_images_give_the_same_points(small_map, camera):
         space = after(small_map, camera, 0.1)
         found.append(space.update(picture(camera, HAND), Q, 5.2).points.copy())
     assert found[0].tobytes() == found[1].tobytes()
+
+
+def test_what_is_carried_without_a_layer_is_looked_out_for(small_map, camera):
+    """Cells that the bare robot cannot come near count once something reaches there."""
+    grid, robot = small_map.grid, small_map.robot
+    settings = odm.SeenSettings(policy="occupied", memory_s=0.0)
+    space = odm.SeenSpace(small_map, camera, settings)
+    nothing, held = np.zeros_like(picture(camera, [])), np.array([[0, 0, 0.6, 0.1]])
+    nothing[:2, :2] = 5000
+    bare = space.update(nothing, Q, 0.0)
+    out = space.cells() == BEYOND
+    ends = np.array(np.meshgrid(*np.linspace(robot.lower, robot.upper, 12).T))
+    places = [tool_pose(robot, q)[:3] @ [0, 0, 0.6, 1.0] for q in ends.reshape(3, -1).T]
+    cells = grid.locate(np.array(places))
+    x, y, z = cells[(cells >= 0).all(axis=1)].T
+    assert out[x, y, z].sum() > 10
+    seen = space.update(nothing, Q, 0.1, payload=held)
+    assert not (space.cells() == BEYOND)[x, y, z].any()
+    assert len(seen.points) > len(bare.points)
+    assert len(space.update(nothing, Q, 0.2).points) == len(seen.points)  # let go of
+    again = odm.SeenSpace(small_map, camera, settings)
+    again.update(nothing, Q, 0.0, payload=held)
+    assert (again.cells() == space.cells()).all()

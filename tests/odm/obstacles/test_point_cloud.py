@@ -74,6 +74,32 @@ def test_a_crop_to_the_robot_leaves_out_what_no_motion_reaches(planner, rng):
     assert 0 < len(inside) < 1000
 
 
+@pytest.mark.parametrize("extra", [0.0, 0.1])
+def test_a_cloud_that_was_cropped_for_another_base_or_clearance_says_nothing(
+    planner, rng, extra
+):
+    cell_map, q = planner.cell_map, np.array([1.2, 0.6, 0.0])
+    points = rng.uniform(-4.0, 4.0, (4000, 3)) + [0.0, 0.0, 9.0]  # far over the robot
+    points[0] = cell_map.grid.origin - 0.02  # what more clearance counts
+    now, loaded = odm.ReactivePlanner(cell_map), odm.ReactivePlanner(cell_map)
+    for crop in (now, cell_map):
+        cloud = odm.PointCloud(points, crop=crop)
+        now.step(cloud, q=q)
+        assert now.is_free(q, q) and cloud.cropped == 4000
+    loaded.load_memory(now.save_memory())
+    for one in (now, loaded):
+        if extra:
+            one.set_extra_clearance(extra)
+        else:
+            one.set_base(pose_of([0.0, 0.0, 9.0], [0.0, 0.0, 0.0]))
+        assert "show a frame" in one.is_free(q, q).reason
+        assert one.separation(q) == -np.inf and one.blocked_leg(q[None]) == 0
+        with pytest.raises(BadInput, match="crop it with this planner"):
+            one.step(cloud, q=q)
+        assert one.step(odm.PointCloud(points, crop=one), q=q).frame and not one.trouble
+        assert len(one.points) > 0
+
+
 @pytest.mark.parametrize(
     ("points", "told"),
     [

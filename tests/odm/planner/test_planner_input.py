@@ -78,6 +78,25 @@ def test_a_start_out_of_limits_or_unknown_holds(planner):
     assert planner.step(NOBODY, q=np.array([1.5005, 0.2, 0.0])).status != "holding"
 
 
+@pytest.mark.parametrize("turned", [2e8, -1e13, 1e17, 1e300])
+def test_a_joint_that_turned_so_far_that_numbers_tell_no_place_is_unknown(
+    planner, turned
+):
+    lost = np.array([*HOME[:2], turned])  # its twist turns without end
+    planner.set_goals([AWAY])
+    answer = planner.step(NOBODY, q=lost)
+    assert answer.status == "holding"
+    assert "twist" in answer.reason and "check its encoder" in answer.reason
+    planner.step(NOBODY, q=HOME)
+    for a, b in ((lost, HOME), (HOME, lost), (lost, lost)):
+        assert planner.is_free(a, b).failed == "limits"
+        assert planner.blocked_leg(np.stack([HOME, a, b])) in (0, 1)
+    with pytest.raises(BadConfiguration, match=r"twist.*1e\+08"):
+        planner.set_goals([lost])
+    near = np.array([*HOME[:2], HOME[2] + 1e6 * 2.0 * np.pi])
+    assert planner.step(NOBODY, q=near).status != "holding"
+
+
 def test_a_start_in_contact_is_named_with_its_link_and_a_retreat(planner):
     planner.set_goals([AWAY])
     answer = planner.step(ball_at([0.3, 0.0, 0.35]), q=HOME)

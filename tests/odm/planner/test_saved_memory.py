@@ -107,6 +107,17 @@ def test_a_planner_that_lived_goes_back_to_what_it_remembered(arm3):
     assert [again.frame(k) for k in range(20, 60)] == first
 
 
+def test_a_frame_of_more_points_than_there_is_room_for_is_loaded_as_it_was(arm3):
+    little = odm.PlannerSettings(point_capacity=1)
+    one, other = (odm.ReactivePlanner(arm3, settings=little) for _ in range(2))
+    one.set_goals([AWAY])
+    for _ in range(2):
+        one.step(ball_at([0.5, 0.2, 0.4], 0.05), q=HOME)
+    saved = one.save_memory()
+    other.load_memory(saved)
+    assert not differences(other.save_memory(), saved)
+
+
 def test_with_something_in_the_hand_too(carrying_map):
     planners = [odm.ReactivePlanner(carrying_map) for _ in range(2)]
     for planner in planners:
