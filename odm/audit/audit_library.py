@@ -24,6 +24,8 @@ FAMILIES = (
 )  # fmt: skip
 SHARP = ("needle", "small ball")  # a sample lies rho behind the point that meets
 
+_MESH_RHO = 0.006  # [m] where rho is less, meshes are smaller: large ones are refused
+
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
@@ -203,6 +205,7 @@ def _mesh(rho, rng):
     else:
         mesh = trimesh.convex.convex_hull(rng.normal(size=(12, 3)))
         vertices = mesh.vertices * _between(rng, 0.01, 0.15, 3)
+    vertices = vertices * min(1.0, rho / _MESH_RHO)
     shape = solid.Mesh(vertices, mesh.faces)
     aims = []
     for v in rng.integers(0, len(vertices), 8):

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from odm.audit import audit as audits
 from odm.audit.audit import Auditor, audit
-from odm.audit.audit_library import FAMILIES, draw_specimens
+from odm.audit.audit_library import FAMILIES, _mesh, draw_specimens
 from odm.audit.audit_targets import audit_solids
 from odm.audit.sabotage import most_needed_sphere, part_of, spoiled
 from odm.cell_map.build import build_map
@@ -87,6 +87,11 @@ def test_more_is_resolved_where_the_clearance_is_large(cell_map, monkeypatch):
     monkeypatch.setattr(audits, "CAP", 0.5 * cell_map.safety.m)
     report = audit(cell_map, pairs=300, threads=1)
     assert report.passed and report.free_share > 0.2, str(report)
+
+
+def test_a_mesh_is_sampled_however_fine_the_map_is():
+    mesh = _mesh(0.0008, np.random.default_rng(16))  # was refused as too large
+    assert len(mesh.points) > 500
 
 
 def test_a_corner_at_the_very_centre_of_a_sphere_is_aimed_at(cell_map):
