@@ -276,3 +276,20 @@ def test_goals_are_joined_anew_for_another_hand(cell_map, takes):
         rows = goals.node[0, :n], goals.ref[0, :n], pool.end[:items], pool.mask[:cells]
         told.append([row.tobytes() for row in rows])
     assert told[0] == told[1] and n > 0
+
+
+@pytest.mark.parametrize("first", ["attach", "clearance"])
+def test_more_clearance_from_the_scene_counts_for_what_is_held(planner, first):
+    """A ball stands 3 cm beyond the clearance from what is held, or will be."""
+    x, y, z, radius = BALLS[1]
+    beyond = radius + 0.02 + planner.cell_map.safety.m + 0.03
+    at = tool_pose(planner.robot, HIGH) @ _at(np.array([x + beyond, y, z]))
+    planner.scene.add("ball", odm.Sphere(0.02), at)
+    if first == "attach":
+        planner.attach(BALLS)
+        assert planner.is_free(HIGH, HIGH)
+    planner.set_extra_clearance(0.05)
+    if first == "clearance":
+        assert planner.is_free(HIGH, HIGH)
+        planner.attach(BALLS)
+    assert planner.is_free(HIGH, HIGH).failed == "scenery"
