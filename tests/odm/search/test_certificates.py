@@ -154,6 +154,14 @@ def test_each_segment_is_a_part_of_what_was_certified_for_it(small_map, rng, alw
     assert changed > 6 and (always or beside > 6)
 
 
+def test_a_path_found_on_a_segment_begins_with_a_part_of_it(small_map):
+    planner, points, answer = on_its_way(small_map, 0)
+    planner.always_replan, path = True, answer.path.copy()
+    planner.step(points, q=path[1:3].mean(axis=0))
+    for place in path[1:3]:
+        assert is_on(planner.memory.certificates, 0, place)
+
+
 def test_beside_either_end_of_half_a_turn_the_other_is_reached_the_other_way(planner):
     """The small arm's last joint turns without end."""
     path, continuous = planner.memory.path, planner.robot.continuous
