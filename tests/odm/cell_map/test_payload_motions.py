@@ -186,6 +186,22 @@ def test_the_place_closes_what_the_envelope_would_touch(cell_map, rng):
     assert np.array_equal(then.memory.graph.closed, bare)
 
 
+def test_what_came_and_went_meanwhile_closes_what_it_should(cell_map):
+    """What stands there since something was taken; what the envelope itself blocks."""
+    planner, fresh = (odm.ReactivePlanner(cell_map) for _ in range(2))
+    box, own = odm.Box([0.1, 0.6, 0.3]), cell_map.payload.closed
+    at = _at(np.array([0.0, 0.0, 0.95]))
+    planner.attach(BALLS)
+    planner.scene.add("low", odm.Box([1.2, 1.2, 0.2]), _at(np.array([0.0, 0.0, 0.1])))
+    planner.scene.remove("low")
+    assert np.array_equal(planner.memory.graph.closed, own) and own.any()
+    planner.scene.add("box", box, at)
+    planner.detach()
+    fresh.scene.add("box", box, at)
+    closed = planner.memory.graph.closed
+    assert np.array_equal(closed, fresh.memory.graph.closed) and closed.any()
+
+
 def test_goals_that_the_object_cannot_reach_are_refused(planner):
     low = None
     for q in planner.cell_map.roadmap.nodes[planner.cell_map.payload.closed[:150]]:
