@@ -210,7 +210,7 @@ def test_what_betters_a_path_is_not_taken_through_a_new_object(small_map):
             assert not (cuts.key >= 0).any()
             for leg in legs(planner.robot, planner.step(points, q=HOME).path):
                 assert planner.static.motion_free(*leg)
-            if found == 2:
+            if found:
                 return
     assert found
 
