@@ -179,6 +179,22 @@ def test_the_place_closes_what_the_envelope_would_touch(cell_map, rng):
     assert np.array_equal(then.memory.graph.closed, bare)
 
 
+def test_what_came_and_went_meanwhile_closes_what_it_should(cell_map):
+    """What stands there since something was taken; what the envelope itself blocks."""
+    planner, fresh = (odm.ReactivePlanner(cell_map) for _ in range(2))
+    box, own = odm.Box([0.1, 0.6, 0.3]), cell_map.payload.closed
+    at = _at(np.array([0.0, 0.0, 0.95]))
+    planner.attach(BALLS)
+    planner.scene.add("low", odm.Box([1.2, 1.2, 0.2]), _at(np.array([0.0, 0.0, 0.1])))
+    planner.scene.remove("low")
+    assert np.array_equal(planner.memory.graph.closed, own) and own.any()
+    planner.scene.add("box", box, at)
+    planner.detach()
+    fresh.scene.add("box", box, at)
+    closed = planner.memory.graph.closed
+    assert np.array_equal(closed, fresh.memory.graph.closed) and closed.any()
+
+
 def test_goals_that_the_object_cannot_reach_are_refused(planner):
     low = None
     for q in planner.cell_map.roadmap.nodes[planner.cell_map.payload.closed[:150]]:
@@ -269,3 +285,20 @@ def test_goals_are_joined_anew_for_another_hand(cell_map, takes):
         rows = goals.node[0, :n], goals.ref[0, :n], pool.end[:items], pool.mask[:cells]
         told.append([row.tobytes() for row in rows])
     assert told[0] == told[1] and n > 0
+
+
+@pytest.mark.parametrize("first", ["attach", "clearance"])
+def test_more_clearance_from_the_scene_counts_for_what_is_held(planner, first):
+    """A ball stands 3 cm beyond the clearance from what is held, or will be."""
+    x, y, z, radius = BALLS[1]
+    beyond = radius + 0.02 + planner.cell_map.safety.m + 0.03
+    at = tool_pose(planner.robot, HIGH) @ _at(np.array([x + beyond, y, z]))
+    planner.scene.add("ball", odm.Sphere(0.02), at)
+    if first == "attach":
+        planner.attach(BALLS)
+        assert planner.is_free(HIGH, HIGH)
+    planner.set_extra_clearance(0.05)
+    if first == "clearance":
+        assert planner.is_free(HIGH, HIGH)
+        planner.attach(BALLS)
+    assert planner.is_free(HIGH, HIGH).failed == "scenery"

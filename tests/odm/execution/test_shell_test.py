@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from carrying import BALLS, HIGH
 
 import odm
 import roadmap
@@ -12,7 +13,7 @@ from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
 from odm.obstacles.shapes import Capsule
-from roadmap.kinematics.forward import sphere_centers
+from roadmap.kinematics.forward import sphere_centers, tool_pose
 
 PERIOD = 0.01
 
@@ -98,3 +99,39 @@ def test_what_is_not_known_does_not_pass(lean, rng, what):
         begin = t + PERIOD
         stop = motion.stop(begin)
     assert not ShellTest(planner).passes(motion, t, begin, stop, threat, 0.0)
+
+
+def stays(rows, rates=0.0):
+    """Return the threat of one capsule (7,) that goes on at rates (2, 3) for sure."""
+    velocity = np.zeros((1, 2, 3)) + rates
+    calm = ThreatSettings(acceleration=0.0, jerk=0.0)
+    return Threat(np.array([rows]), velocity, np.zeros(1), 0.0, calm)
+
+
+def test_the_stop_is_tested_at_its_own_times(lean):
+    """Somebody comes from above, and is where the robot comes to rest by then."""
+    robot = lean.robot
+    motion = roadmap.time_path(robot, np.array([[-1.0, 0.6, 0.0], [1.0, 0.6, 0.0]]))
+    t = 0.4 * motion.duration
+    begin = t + 0.2
+    stop = motion.stop(begin)
+    k = np.flatnonzero(robot.moving)[-1]
+    x, y, z = sphere_centers(robot, stop.q_end)[k]
+    high = z + 0.2 + stop.duration  # at 1 m/s down to the middle of the sphere
+    for rate, free in ((0.0, True), (-1.0, False)):
+        threat = stays([x, y, high, x, y, high, 0.05], [0.0, 0.0, rate])
+        how = motion, t, begin, stop, threat, 0.0
+        assert ShellTest(lean).passes(*how) == free
+    assert stop.duration > 0.1
+
+
+def test_what_is_held_is_tested_from_then_on(carrying_map):
+    planner = odm.ReactivePlanner(carrying_map)
+    test, motion = ShellTest(planner), roadmap.time_path(planner.robot, HIGH[None])
+    x, y, z = tool_pose(planner.robot, HIGH)[:3] @ [*BALLS[1, :3], 1.0]
+    how = motion, 0.0, 0.0, motion.stop(0.0), stays([x, y, z, x, y, z, 0.01]), 0.0
+    assert test.passes(*how)
+    planner.attach(BALLS)
+    assert not test.passes(*how)
+    planner.detach()
+    assert test.passes(*how)

@@ -191,6 +191,15 @@ def test_how_far_points_may_be_apart_counts_for_the_gripper_too(planner):
         assert free or "palm" in freedom.reason
 
 
+def test_what_is_nowhere_blocks_in_a_phase_too(planner):
+    planner.attach(HELD)
+    planner.step(np.zeros((0, 3)), Q)
+    far, nowhere = np.array([[0.0, 0.0, 2.0]]), np.full((1, 3), np.nan)
+    wrong = odm.Obstacles(capsules=np.full((1, 7), np.nan), points=far)
+    for points, leg in ((far, None), (nowhere, 0), (wrong, 0)):
+        assert planner.blocked_leg(Q[None], points=points, phase="give") == leg
+
+
 def test_what_is_too_near_may_be_left_and_not_approached(planner):
     """With `escape` the palm leaves an object that touches it; else it may not move."""
     q, bend = np.array([0.4, -0.8, 0.4]), np.array([0.1, -0.2, 0.1])

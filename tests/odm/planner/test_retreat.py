@@ -6,7 +6,7 @@ from forms import size
 from naive_cells import centers
 from scipy.spatial.distance import cdist
 from shapes_drawn import draw_shapes, solids_of
-from small import draw_arm, draw_valid
+from small import ball_at, draw_arm, draw_valid
 from wrappers import with_wrapper
 
 import odm
@@ -14,7 +14,8 @@ from odm.obstacles._solids import solid_distance
 from odm.obstacles.obstacles import together
 from odm.planner.retreat import Retreat
 from odm.planner.settings import RetreatSettings
-from roadmap.kinematics.forward import difference
+from roadmap.kinematics.forward import difference, tool_pose
+from roadmap.transforms import pose_of
 
 solid_distance = with_wrapper(solid_distance)
 
@@ -160,3 +161,18 @@ def test_the_settings_say_what_is_near_and_what_a_retreat_must_gain(planner, rng
             there = [difference(planner.robot, q, node) for node in ends]
             assert np.abs(np.array(there) - 10.0 * way).max(axis=1).min() < 1e-9
     assert backed
+
+
+def test_no_way_out_leads_through_what_stands_still(planner, rng):
+    told = 0
+    planner.scene.add("wall", odm.Box((0.1, 0.6, 0.3)), pose_of([0.0, 0.0, 0.95]))
+    for _ in range(30):
+        q = draw_valid(planner, rng)
+        ball = ball_at(tool_pose(planner.robot, q)[:3, 3] + rng.normal(0.0, 0.08, 3))
+        planner.step(ball, q=q)
+        coming = [(0.5, ball), (1.0, ball)]
+        for way in (planner._retreat.back_off(q), planner.evasion(q, coming, 1.0)):
+            if way is not None:
+                told += 1
+                assert planner.static.motion_free(way[0], way[1] - way[0])
+    assert told > 20

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from shapes_drawn import KINDS, draw_pose, draw_shape, draw_shapes, smallest_solid_gap
-from small import AWAY, HOME, NOBODY, POST, draw_valid
+from small import AWAY, HOME, NOBODY, POST, draw_valid, on_its_way
 
 import odm
 from odm.frame import place
@@ -175,6 +175,38 @@ def test_what_stands_on_the_way_behind_keeps_the_robot_from_going_back(small_map
     assert not planner.is_free(path[0], path[1])
     for a, dq in legs(planner.robot, back.path):
         assert planner.is_free(a, a + dq)
+
+
+def in_way_of(planner, way, path):
+    """Return where a small ball stands in one path's way, not in another's; or None."""
+    clear = planner.static.motion_free
+    for a, dq in legs(planner.robot, way):
+        at = pose_of(tool_pose(planner.robot, a + 0.5 * dq)[:3, 3], np.zeros(3))
+        planner.scene.add("ball", odm.Sphere(0.01), at)
+        kept = all(clear(*leg) for leg in legs(planner.robot, path))
+        planner.scene.remove("ball")
+        if kept:
+            return at
+    return None
+
+
+def test_what_betters_a_path_is_not_taken_through_a_new_object(small_map):
+    """A candidate that waits, or a cut that the next search would take."""
+    probe, found = odm.ReactivePlanner(small_map), 0
+    for seed in range(8):
+        planner, points, answer = on_its_way(small_map, seed)
+        planner.improve(30)
+        better, cuts = planner.memory.better, planner.memory.shortcuts
+        at = in_way_of(probe, better.q[: better.count[0]].copy(), answer.path)
+        if at is not None:
+            found += (cuts.key >= 0).any()
+            planner.scene.add("ball", odm.Sphere(0.01), at)
+            assert not (cuts.key >= 0).any()
+            for leg in legs(planner.robot, planner.step(points, q=HOME).path):
+                assert planner.static.motion_free(*leg)
+            if found:
+                return
+    assert found
 
 
 def test_a_goal_in_the_new_object_is_not_reached_and_comes_back(small_map):

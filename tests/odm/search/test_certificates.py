@@ -10,13 +10,14 @@ from odm.audit.sequence_judge import Judge
 from odm.audit.sequences import Sequence, reuse_certificate
 from odm.search import _paths as paths
 from odm.search._off_path import motion_deviation, nearest_share
-from odm.search._paths import is_on
+from odm.search._paths import is_on, turns_back
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import sphere_centers
 
 is_on = with_wrapper(is_on)
 motion_deviation = with_wrapper(motion_deviation)
 nearest_share = with_wrapper(nearest_share)
+turns_back = with_wrapper(turns_back)
 
 
 def pushed_away(planner, q, toward, frames=120, push=0.003):
@@ -151,6 +152,23 @@ def test_each_segment_is_a_part_of_what_was_certified_for_it(small_map, rng, alw
             q = a + min(1.0, 0.1 / np.linalg.norm(way)) * way
             q = q + 1e-3 * (k % 3 > 0) * rng.normal(size=3)
     assert changed > 6 and (always or beside > 6)
+
+
+def test_a_path_found_on_a_segment_begins_with_a_part_of_it(small_map):
+    planner, points, answer = on_its_way(small_map, 0)
+    planner.always_replan, path = True, answer.path.copy()
+    planner.step(points, q=path[1:3].mean(axis=0))
+    for place in path[1:3]:
+        assert is_on(planner.memory.certificates, 0, place)
+
+
+def test_beside_either_end_of_half_a_turn_the_other_is_reached_the_other_way(planner):
+    """The small arm's last joint turns without end."""
+    path, continuous = planner.memory.path, planner.robot.continuous
+    path.q[:2] = 0.0
+    path.q[1, 2] = 3.14
+    for at, turns in ((-0.01, True), (0.0, False), (3.14, False), (3.15, True)):
+        assert turns_back(path, 0, np.array([0.0, 0.0, at]), continuous) == turns
 
 
 def test_a_cut_is_found_by_both_its_ends_where_others_take_its_place(planner):
