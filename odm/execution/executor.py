@@ -121,9 +121,9 @@ class Executor:
         self._frame, self._held_s = 0, 0.0  # the planner has held for so long
         self._retreat_frame = -pace.retreat_every  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
-        self._evading = False  # it retreats from somebody, whatever the planner says
-        # an evasion that was refused, and the speeds at which it was not tried yet
-        self._left: tuple[np.ndarray, tuple[float, ...]] | None = None
+        self._evading, self._place = False, self._stands()  # a retreat, and beside what
+        # an evasion that was refused, speeds that were not tried yet, and what stood
+        self._left: tuple[np.ndarray, tuple[float, ...], object] | None = None
         self._on_path = False  # whether the motion follows the last answer's path
         self._corners = np.zeros((0, robot.dof))  # of that path
         self._path_begin = 0.0  # arc length on the motion at which that path begins
@@ -221,6 +221,8 @@ class Executor:
         It is on the path in use, even if the robot has not come to its beginning yet.
         A retreat from somebody goes to its end.
         """
+        if self.state != RETREATING:
+            self._place = self._stands()
         least = self._least(self.t)
         known = self._next
         if known is not None and known[0] is self.motion:
@@ -253,7 +255,8 @@ class Executor:
         Args:
             answer: The planner's answer.
             commit: From `commit`, in this frame.
-            threat: Where the person can be; None where nobody is about.
+            threat: Where the person can be; None where nobody is about. A retreat is
+                tested against this, and against what stands still, alone.
         """
         if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()
@@ -389,12 +392,24 @@ class Executor:
 
     # --- hold, retreat ----------------------------------------------------------
 
+    def _stands(self) -> object:
+        """Return what stands still around the robot; another one after any change."""
+        return getattr(getattr(self.planner, "static", None), "place", None)
+
+    def _stays_clear(self) -> bool:
+        """Whether a retreat is clear of what was put up since it was planned."""
+        place = self._stands()
+        if place is self._place:
+            return True
+        self._place = place
+        return self._keeps_clear(self.motion.path_from(self.t))
+
     def _evades(self, threat: Moving | None) -> bool:
         """Whether it retreats from who comes, and takes no answer."""
         if self._evading:
             self._evading = not self.at_rest
             if self._evading:
-                if self._evades_on(threat):
+                if self._stays_clear() and self._evades_on(threat):
                     # a frame may have been lost, and the stop taken meanwhile
                     self.state, self.reason = RETREATING, _COMES
                     return True
@@ -407,8 +422,8 @@ class Executor:
         if self._lookout is None or not isinstance(threat, Threat):
             return False  # nobody is about, or another robot that tells its intent
         if self._left is not None:  # of the evasion that was found last
-            path, shares = self._left
-            if self.at_rest and self._begins_here(path):
+            path, shares, place = self._left
+            if self.at_rest and place is self._stands() and self._begins_here(path):
                 return self._begin_evading(path, threat, shares)
             self._left = None
         # as if at the usual speed: that it takes time to get up speed is not reckoned
@@ -463,7 +478,7 @@ class Executor:
                 self.state, self.reason = RETREATING, _COMES
                 return True
             if stands and k + 1 < len(shares):
-                self._left = path, shares[k + 1 :]
+                self._left = path, shares[k + 1 :], self._stands()
                 break
         return False
 
@@ -489,7 +504,8 @@ class Executor:
         may_move = self._may_move()
         if self.state == RETREATING and not self.at_rest:
             better = self._separation.is_better_at(self.motion.q_end)
-            if may_move and better and self._retreat_free(self.motion, self.t, threat):
+            goes_on = may_move and better and self._stays_clear()
+            if goes_on and self._retreat_free(self.motion, self.t, threat):
                 return
             self._stop_and_stand()
         elif self.at_rest:

@@ -5,10 +5,12 @@ import pytest
 from small import draw_valid
 
 import odm
+from odm.exact.distances import ExactRobot
 from odm.execution.executor import RETREATING, Executor
 from odm.execution.settings import ExecutionSettings
 from odm.execution.threat import Threat, ThreatSettings, Watcher
 from roadmap.kinematics.forward import sphere_centers
+from roadmap.transforms import pose_of
 
 PERIOD = 0.01
 TOUCH = 0.0  # [m] nearer than this it may touch the hand
@@ -64,6 +66,22 @@ def test_it_retreats_before_a_hand_that_comes_touches_it(small_map):
     assert min(scene.gaps) > TOUCH
     first = scene.states.index(RETREATING)
     assert scene.gaps[first] > scene.planner.keep  # in time, not an escape
+
+
+def test_what_is_put_in_the_way_of_an_evasion_ends_it(small_map):
+    scene = Scene(small_map, scale=0.3)
+    planner, executor, ball = scene.planner, scene.executor, odm.Sphere(0.02)
+    tool, exact, gaps = tool_of(planner, WAITS), ExactRobot(small_map.robot), []
+    for k in range(400):
+        scene.frame(tool + np.array([0.8 - 0.3 * k * PERIOD, 0.0, 0.0]))
+        q = executor.set_point.q
+        if scene.states[-1] == RETREATING and not len(planner.scene):
+            there = pose_of(tool_of(planner, executor.motion.q_end), np.zeros(3))
+            standing = ball.moved(there)
+            planner.scene.add("ball", ball, there)
+        if len(planner.scene):
+            gaps.append(exact.distance(q, [standing]).distance)
+    assert gaps[0] > 0.1 and min(gaps) > small_map.safety.m
 
 
 def test_one_that_does_not_look_is_touched(small_map):

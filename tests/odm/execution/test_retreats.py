@@ -13,6 +13,7 @@ from odm.execution.threat import Threat, ThreatSettings
 from odm.obstacles.shapes import Capsule
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls, sphere_centers
+from roadmap.transforms import pose_of
 
 START = np.array([0.0, 0.6, 0.0])
 AWAY = np.array([0.8, 0.2, 0.0])
@@ -84,6 +85,22 @@ def test_a_retreat_ends_before_who_comes_touches_it(scene):
         place = place + 0.01 * velocity
     assert min(gap for speed, gap in moving) < 0.1  # it would have been touched
     assert all(gap > 0.0 for speed, gap in moving if speed > 0.01)
+    assert scene.executor.state == STANDING
+
+
+def test_a_retreat_ends_before_what_is_put_in_its_way(scene):
+    exact, ball = ExactRobot(scene.robot), odm.Sphere(0.02)
+    there = pose_of(
+        sphere_centers(scene.robot, AWAY)[scene.robot.moving][-1], 0 * START
+    )
+    for k in range(150):
+        scene.frame(scene.tip - 0.25 * scene.out, np.zeros(3))
+        scene.executor.advance()
+        if k == 10:
+            assert scene.executor.state == RETREATING
+            scene.planner.scene.add("ball", ball, there)
+    gap = exact.distance(scene.executor.set_point.q, [ball.moved(there)]).distance
+    assert gap > scene.planner.cell_map.safety.m
     assert scene.executor.state == STANDING
 
 
