@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from odm.execution.lookout import Lookout, SeparationWatch
+from odm.execution.lookout import Lookout, SeparationWatch, StandingWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
@@ -100,7 +100,8 @@ class Executor:
         self._closer = max(self._clearance - s.yield_gap, 0.0)  # than m, leaving
         share = max(tracking - s.encoder_error, 0.0)
         self._tracking = TrackingMonitor(robot, share, period)
-        self._test, self._separation = BrakingTest(planner), SeparationWatch(planner)
+        self._test, self._standing = BrakingTest(planner), StandingWatch(planner)
+        self._separation = SeparationWatch(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
@@ -121,7 +122,7 @@ class Executor:
         self._frame, self._held_s = 0, 0.0  # the planner has held for so long
         self._retreat_frame = -pace.retreat_every  # when a retreat was looked for last
         self._updated = False  # whether a frame was answered since the last period
-        self._evading, self._place = False, self._stands()  # a retreat, and beside what
+        self._evading = False  # it retreats from somebody, whatever the planner says
         # an evasion that was refused, speeds that were not tried yet, and what stood
         self._left: tuple[np.ndarray, tuple[float, ...], object] | None = None
         self._on_path = False  # whether the motion follows the last answer's path
@@ -129,8 +130,7 @@ class Executor:
         self._path_begin = 0.0  # arc length on the motion at which that path begins
         # the set-point of a motion and a time: a frame asks for it several times
         self._point: tuple[Motion, float, SetPoint] | None = None
-        # see `next_commit`
-        self._next: tuple[Motion, float, float, Commit] | None = None
+        self._next: tuple[Motion, float, float, Commit] | None = None  # `next_commit`
 
     @property
     def off(self) -> float:
@@ -222,7 +222,7 @@ class Executor:
         A retreat from somebody goes to its end.
         """
         if self.state != RETREATING:
-            self._place = self._stands()
+            self._standing.look()
         least = self._least(self.t)
         known = self._next
         if known is not None and known[0] is self.motion:
@@ -380,29 +380,14 @@ class Executor:
         """Whether all that stands still is clear of the motion, moved by the offset."""
         if not math.isfinite(self.off):
             return False
-        return self._keeps_clear(self.motion.path_from(self.t) + self._tracking.offset)
-
-    def _keeps_clear(self, path: np.ndarray) -> bool:
-        """Whether a path (k, dof) is clear of itself and of all that stands still."""
-        static = getattr(self.planner, "static", None)
-        if static is None:
-            return False
-        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
-        return bool(static.motions_free(path[: len(legs)], legs).all())
+        path = self.motion.path_from(self.t) + self._tracking.offset
+        return self._standing.is_clear(path)
 
     # --- hold, retreat ----------------------------------------------------------
 
-    def _stands(self) -> object:
-        """Return what stands still around the robot; another one after any change."""
-        return getattr(getattr(self.planner, "static", None), "place", None)
-
     def _stays_clear(self) -> bool:
         """Whether a retreat is clear of what was put up since it was planned."""
-        place = self._stands()
-        if place is self._place:
-            return True
-        self._place = place
-        return self._keeps_clear(self.motion.path_from(self.t))
+        return self._standing.stays_clear(self.motion.path_from(self.t))
 
     def _evades(self, threat: Moving | None) -> bool:
         """Whether it retreats from who comes, and takes no answer."""
@@ -423,7 +408,7 @@ class Executor:
             return False  # nobody is about, or another robot that tells its intent
         if self._left is not None:  # of the evasion that was found last
             path, shares, place = self._left
-            if self.at_rest and place is self._stands() and self._begins_here(path):
+            if self.at_rest and place is self._standing.now and self._begins_here(path):
                 return self._begin_evading(path, threat, shares)
             self._left = None
         # as if at the usual speed: that it takes time to get up speed is not reckoned
@@ -478,7 +463,7 @@ class Executor:
                 self.state, self.reason = RETREATING, _COMES
                 return True
             if stands and k + 1 < len(shares):
-                self._left = path, shares[k + 1 :], self._stands()
+                self._left = path, shares[k + 1 :], self._standing.now
                 break
         return False
 
@@ -497,7 +482,7 @@ class Executor:
             return False  # another robot is told the stop, not where this would go on
         stop = self._stop_behind(self.motion, self.t)[1]
         path = self.motion.path_from(self.t, stop.length)
-        return self._keeps_clear(path) and self.planner.blocked_leg(path) is None
+        return self._standing.is_clear(path) and self.planner.blocked_leg(path) is None
 
     def _hold(self, answer: Any, threat: Moving | None) -> None:  # noqa: ANN401
         self._on_path, self.reason = False, ""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from odm.execution.executor import MOVING, RETREATING, STANDING
-from odm.execution.lookout import SeparationWatch
+from odm.execution.lookout import SeparationWatch, StandingWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.threat import Moving
 from roadmap.arrays import frozen
@@ -90,6 +90,7 @@ class KinematicMover:
         self._q, self._dq = np.array(q, float), np.zeros(robot.dof)
         self._path = self._q[None]
         self._separation = SeparationWatch(planner)
+        self._standing = StandingWatch(planner)
         self._retreat_every = PaceSettings().retreat_every
         self._frame, self._retreat_frame = 0, -self._retreat_every
 
@@ -108,6 +109,8 @@ class KinematicMover:
 
     def commit(self) -> Commit:
         """A new path may begin where the robot is."""
+        if self.state != RETREATING:
+            self._standing.look()
         return Commit(self._q, 0.0)
 
     def next_commit(self) -> None:
@@ -135,8 +138,10 @@ class KinematicMover:
     def _still_better(self) -> bool:
         """Whether the retreat ends farther from the points than here, as they are."""
         end = self._path[-1]
-        there = bool(np.abs(difference(self.robot, self._q, end)).max() < 1e-9)
-        return not there and self._separation.is_better_at(end)
+        left = difference(self.robot, self._q, end)
+        there = bool(np.abs(left).max() < 1e-9)
+        clear = self._standing.stays_clear(np.stack([self._q, self._q + left]))
+        return clear and not there and self._separation.is_better_at(end)
 
     def advance(self) -> None:
         """Let one period pass."""

@@ -45,6 +45,41 @@ class SeparationWatch:
         return self.planner.separation(q) >= self.last - 1e-6
 
 
+class StandingWatch:
+    """Sees what stands still around a robot, and whether that has changed.
+
+    A planner without `static` knows of nothing: no path is clear then.
+    """
+
+    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+        self.planner = planner
+        self.seen = self.now
+
+    @property
+    def now(self) -> object:
+        """What stands there now: another object after any change."""
+        return getattr(getattr(self.planner, "static", None), "place", None)
+
+    def look(self) -> None:
+        """Remember what stands there: a motion that is planned now heeds it."""
+        self.seen = self.now
+
+    def is_clear(self, path: np.ndarray) -> bool:
+        """Whether a path (k, dof) is clear of itself and of all that stands still."""
+        static = getattr(self.planner, "static", None)
+        if static is None:
+            return False
+        legs = np.diff(path, axis=0) if len(path) > 1 else np.zeros_like(path)
+        return bool(static.motions_free(path[: len(legs)], legs).all())
+
+    def stays_clear(self, path: np.ndarray) -> bool:
+        """Whether the rest (k, dof) of a motion is clear of what has come since."""
+        if self.now is self.seen:
+            return True
+        self.look()
+        return self.is_clear(path)
+
+
 class Lookout:
     """Watches whether a person comes at a robot.
 

@@ -9,6 +9,7 @@ from forms import size
 import odm
 from odm.exact.distances import ExactRobot
 from odm.execution.executor import RETREATING, STANDING, Executor
+from odm.execution.kinematic import KinematicMover
 from odm.execution.threat import Threat, ThreatSettings
 from odm.obstacles.shapes import Capsule
 from roadmap.geometry.gaps import ball_gaps
@@ -88,17 +89,19 @@ def test_a_retreat_ends_before_who_comes_touches_it(scene):
     assert scene.executor.state == STANDING
 
 
-def test_a_retreat_ends_before_what_is_put_in_its_way(scene):
+@pytest.mark.parametrize("kind", [Executor, KinematicMover])
+def test_a_retreat_ends_before_what_is_put_in_its_way(scene, kind):
+    scene.executor = kind(scene.robot, scene.planner, START, 0.01)
     exact, ball = ExactRobot(scene.robot), odm.Sphere(0.02)
-    there = pose_of(
-        sphere_centers(scene.robot, AWAY)[scene.robot.moving][-1], 0 * START
-    )
+    tip = sphere_centers(scene.robot, AWAY)[scene.robot.moving][-1]
+    there = pose_of(tip, np.zeros(3))
     for k in range(150):
         scene.frame(scene.tip - 0.25 * scene.out, np.zeros(3))
         scene.executor.advance()
         if k == 10:
             assert scene.executor.state == RETREATING
             scene.planner.scene.add("ball", ball, there)
+            scene.path = None  # as of a planner that knows of no way out
     gap = exact.distance(scene.executor.set_point.q, [ball.moved(there)]).distance
     assert gap > scene.planner.cell_map.safety.m
     assert scene.executor.state == STANDING
