@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from odm.execution.executor import BRAKED, RETREATING, STANDING, Executor
+from odm.execution.executor import BRAKED, MOVING, RETREATING, STANDING, Executor
 from odm.execution.lookout import SeparationWatch
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
@@ -39,6 +39,7 @@ class Scene:
             self.planner.static = SimpleNamespace(robot=robot, motions_free=free)
         self.executor = Executor(robot, self.planner, START, PERIOD)
         self.executor._shells = SimpleNamespace(passes=lambda *_: self.free)
+        self.back = OUT  # the retreat that every answer has
         self.ways = []  # out, which the lookout has yet to find
         self.executor._lookout = SimpleNamespace(
             evasion=lambda *_: self.ways.pop() if self.ways else None,
@@ -53,10 +54,10 @@ class Scene:
             if push is not None:
                 executor.locate(executor.set_point.q + push)
             commit = executor.commit()
-            path, retreat = np.array([commit.q, end]), OUT
+            path = np.array([commit.q, end])
             if status == "holding":
                 path = path[:0]
-            answer = SimpleNamespace(status=status, path=path, retreat=retreat)
+            answer = SimpleNamespace(status=status, path=path, retreat=self.back)
             answer.reason = ""
             executor.update(answer, commit, threat)
             self.pass_by()
@@ -312,5 +313,71 @@ def test_a_retreat_that_begins_a_little_beside_it_is_not_taken(scene):
 def test_points_that_come_nearer_count_as_two_frames_nearer(scene):
     gaps = iter([0.1, 0.06, 0.06])
     watch = SeparationWatch(SimpleNamespace(separation=lambda q: next(gaps)))
-    watch.measure(START)
-    assert [watch.stays_above(0.022, START) for _ in range(2)] == [False, True]
+    above = [watch.stays_above(0.022, START) for _ in range(3)]
+    assert above == [False, False, True]  # in the first it is not known how fast
+
+
+def test_no_retreat_is_begun_or_gone_on_with_that_does_not_pass(scene):
+    scene.free = False
+    scene.frames(12, "holding")
+    assert not any(point.dq.any() for point in scene.points)
+    for push in (None, np.array([0.05, 0.0, 0.0])):
+        scene.executor = Executor(scene.executor.robot, scene.planner, START, PERIOD)
+        scene.free = True
+        held = scene.retreat().executor.held
+        scene.free = False
+        scene.frames(1, "holding", push=push)
+        assert scene.executor.state in (STANDING, BRAKED)
+        assert scene.executor.motion is held
+
+
+def test_it_gets_no_nearer_than_it_says_while_it_gets_away(scene):
+    """Within m by the cover, by 5 mm of the links where that does not pass."""
+    executor, m, asked = scene.executor, scene.executor._clearance, []
+    gap = executor.settings.yield_gap
+    executor._test.passes = lambda m, t, b, s, threat, closer, *_: asked.append(closer)
+    executor._shells = SimpleNamespace(passes=lambda *args: asked.append(args[-1]))
+    assert not executor._evasion_free(executor.motion, 0.0, PERSON)
+    assert not executor._retreat_free(executor.motion, 0.0, PERSON)
+    executor._test.left_behind = lambda *_: np.ones(1, bool)
+    assert not executor._may_go(executor.motion, 0.0, PERSON)
+    assert asked == pytest.approx([m - gap, gap, m, 0.0, m - gap])
+
+
+def test_a_higher_speed_is_taken_only_where_it_passes(scene):
+    executor = scene.executor
+    executor.limit_speed(0.4)
+    scene.frames(30)
+    slow = executor.motion.speed_scale
+    assert slow < executor.settings.speed_scale
+    executor.limit_speed(1.0)
+    executor._test.passes = lambda motion, *_: motion.speed_scale <= slow
+    for _ in range(10):
+        scene.frames(1)
+        assert executor.motion.speed_scale == slow
+    executor._test.passes = lambda *_: True
+    scene.frames(10)
+    assert executor.motion.speed_scale > slow
+
+
+def test_it_goes_on_getting_away_faster_only_where_that_passes(scene):
+    executor = scene.executor
+    executor._test.passes = lambda motion, *_: motion.speed_scale <= 0.2
+    scene.free, scene.back = False, None  # nor by the shells
+    scene.evade()
+    assert executor.motion.speed_scale == pytest.approx(0.15)
+    executor._test.passes = lambda *_: True
+    scene.frames(3, "holding")
+    assert executor.motion.speed_scale > 0.2
+    scene.check_no_jump()
+
+
+def test_a_limit_of_the_speed_is_kept_by_what_passes(scene):
+    executor = scene.executor
+    scene.frames(30)
+    full = executor.motion.speed_scale
+    executor._test.passes = lambda motion, *_: motion.speed_scale >= full
+    executor.limit_speed(0.4)
+    for _ in range(5):
+        scene.frames(1)
+        assert executor.state == MOVING and executor.motion.speed_scale == full
