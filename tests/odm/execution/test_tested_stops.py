@@ -10,8 +10,10 @@ import pytest
 
 from odm.execution.executor import BRAKED, MOVING, RETREATING, STANDING, Executor
 from odm.execution.lookout import SeparationWatch
+from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
+from odm.obstacles.obstacles import Obstacles
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import time_path
 
@@ -117,12 +119,48 @@ def test_the_whole_way_to_a_stop_is_tested_at_the_times_of_each_place(small_map)
     lasts = begin - t + stop.duration
     whole = motion.at(t).q[0], stop.q_end[0], 0.0, lasts, lasts - 0.002
     assert asked[0] == pytest.approx(whole)
-    asked = np.array(asked[1:])
-    assert asked[:, 4] == pytest.approx(asked[:, 3] - 0.002)
+    assert all(extra == pytest.approx(end - 0.002) for *_, end, extra in asked[1:])
+    check_all_tested(motion, t, begin, stop, [row[:4] for row in asked[1:]])
+
+
+def check_all_tested(motion, t, begin, stop, asked):
+    """Check that pieces (q from, q to, time from, time to) hold the way to a stop."""
+    asked, lasts = np.array(asked), begin - t + stop.duration
     for now in np.linspace(0.0, lasts, 100):
         on = motion.at(t + now) if t + now < begin else stop.at(t + now - begin)
         there = (asked[:, 0] <= on.q[0] + 1e-9) & (asked[:, 1] >= on.q[0] - 1e-9)
         assert (there & (asked[:, 2] <= now + 1e-9) & (asked[:, 3] >= now - 1e-9)).any()
+
+
+class OneShell:
+    """Remembers what is swept, and at which times somebody was where they are shown."""
+
+    def __init__(self, robot):
+        self.robot, self.asked, self.times = robot, [], None
+        self.show, self.apart = lambda hulls: None, lambda least: True
+
+    def __len__(self):
+        return 1
+
+    def between(self, begin, end):
+        self.times = begin, end
+        return Obstacles(capsules=FAR), 0.0
+
+    def sweep(self, q0, q1):
+        self.asked.append((q0[0], q1[0], *self.times))
+        return True
+
+
+def test_by_the_shells_it_is_tested_at_the_same_times(small_map):
+    robot = small_map.robot
+    motion = time_path(robot, OUT, blend=0, speed_scale=0.5)
+    t = 0.3 * motion.duration
+    begin, there = t + 0.1, OneShell(robot)
+    frame = SimpleNamespace(base_world=np.eye(4))
+    test = ShellTest(SimpleNamespace(static=SimpleNamespace(robot=robot), frame=frame))
+    test._shells = there
+    assert test.passes(motion, t, begin, motion.stop(begin), there, 0.005)
+    check_all_tested(motion, t, begin, motion.stop(begin), there.asked)
 
 
 def test_late_frames_lead_on_without_a_jump(scene):
