@@ -10,6 +10,7 @@ import pytest
 
 from odm.execution.executor import BRAKED, MOVING, RETREATING, STANDING, Executor
 from odm.execution.lookout import SeparationWatch
+from odm.execution.robot_threat import intent_of
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
@@ -213,6 +214,28 @@ def test_where_it_was_pushed_to_it_takes_no_stop_from_elsewhere(scene):
     scene.free = False
     scene.frames(5)
     assert executor.set_point.q == pytest.approx(there, abs=1e-3)
+
+
+def test_led_by_hand_it_is_not_held_still_whose_ever_array_tells_where_it_is(scene):
+    q = START.copy()
+    for _ in range(30):
+        q[1] += 0.01
+        scene.executor.locate(q)
+        scene.frames(1, "holding", None)
+    assert scene.executor.set_point.q == pytest.approx(START)
+
+
+def test_an_intent_leads_without_a_gap_from_here_to_a_rest(scene):
+    scene.frames(30)
+    executor = scene.executor
+    executor.update(
+        SimpleNamespace(status="following", path=OUT), executor.commit(), PERSON
+    )
+    goes, stops = intent_of(executor)
+    ends = [(s.motion.at(s.begin).q, s.motion.at(s.end).q) for s in (goes, stops)]
+    assert ends[0][0] == pytest.approx(executor.set_point.q)
+    assert ends[0][1] == pytest.approx(ends[1][0])
+    assert not stops.motion.at(stops.end).dq.any()
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
