@@ -216,6 +216,13 @@ def test_where_it_was_pushed_to_it_takes_no_stop_from_elsewhere(scene):
     assert executor.set_point.q == pytest.approx(there, abs=1e-3)
 
 
+def test_pushes_of_joints_in_opposite_directions_do_not_make_up_for_each_other(scene):
+    push = np.array([-0.05, 0.02, 0.0])
+    scene.executor.locate(START + push)
+    bounds = joint_motion_bounds(scene.executor.robot)
+    assert scene.executor.off == pytest.approx(bounds @ np.abs(push))
+
+
 def test_led_by_hand_it_is_not_held_still_whose_ever_array_tells_where_it_is(scene):
     q = START.copy()
     for _ in range(30):
