@@ -35,9 +35,12 @@ class SeparationWatch:
         return self.last
 
     def stays_above(self, least: float, q: np.ndarray) -> bool:
-        """Whether the separation at q is `least` [m] still, two frames on."""
+        """Whether the separation at q is `least` [m] still, two frames on.
+
+        Never in the first frame: nobody knows yet how fast the points come nearer.
+        """
         before = self.last
-        closing = max(before - self.measure(q), 0.0)  # by frame; 0 in the first one
+        closing = max(before - self.measure(q), 0.0)  # by frame
         return self.last - 2 * closing >= least
 
     def is_better_at(self, q: np.ndarray) -> bool:
