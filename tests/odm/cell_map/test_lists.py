@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small import AWAY, HOME, POST
+from wrappers import with_wrapper
 
 import odm
 from odm.cell_map import _packed as kernels
@@ -14,6 +15,7 @@ from odm.cell_map.lists import CellLists, cells_of_item, packed_lists
 from roadmap.builds.store import read_folder, write_folder
 from roadmap.errors import BadMap, BuildRefused
 
+packed_hit = with_wrapper(kernels.packed_hit)
 BEFORE = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
 
 
@@ -77,6 +79,30 @@ def test_packed_lists_hold_the_cells_they_were_made_of(rng, n_blocks, share):
     assert t_ptr.tolist() == np.cumsum([0, *map(len, by_block)]).tolist()
     there = list(zip(t_item.tolist(), t_mask.tolist(), strict=True))
     assert there == [entry for entries in by_block for entry in entries]
+
+
+@pytest.mark.parametrize("share", [True, False])
+def test_a_list_is_hit_where_an_entry_of_it_is(rng, share):
+    """Any entry, the last one too, and however far from the one before."""
+    ptr, block, mask = drawn_lists(rng, 4096)
+    cells = packed_lists(ptr, block, mask, 4096, share)
+    packed, hit_at = cells.arrays().values(), np.zeros((60, 2), np.uint64)
+    for item in range(60):
+        words = np.zeros(4096, np.uint64)
+        for k in range(ptr[item], ptr[item + 1]):
+            words[block[k]] = ~mask[k]  # all cells of the block but those
+        assert not packed_hit(words, *packed, item, hit_at)
+        for k in range(ptr[item], ptr[item + 1]):
+            before = words[block[k]]
+            for half in (
+                mask[k] & np.uint64(2**32 - 1),
+                mask[k] & ~np.uint64(2**32 - 1),
+            ):
+                words[block[k]] = half
+                assert packed_hit(words, *packed, item, hit_at) == (half != 0)
+                if half:
+                    assert hit_at[item].tolist() == [block[k] + 1, mask[k]]
+            words[block[k]] = before
 
 
 def test_more_steps_than_a_map_can_number_are_refused(monkeypatch):
