@@ -16,6 +16,7 @@ from roadmap.builds.store import read_folder, write_folder
 from roadmap.errors import BadMap, BuildRefused
 
 packed_hit = with_wrapper(kernels.packed_hit)
+RIGHT = np.uint64(0xFFFFFFFF)  # half of the cells of a block
 BEFORE = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
 
 
@@ -94,10 +95,7 @@ def test_a_list_is_hit_where_an_entry_of_it_is(rng, share):
         assert not packed_hit(words, *packed, item, hit_at)
         for k in range(ptr[item], ptr[item + 1]):
             before = words[block[k]]
-            for half in (
-                mask[k] & np.uint64(2**32 - 1),
-                mask[k] & ~np.uint64(2**32 - 1),
-            ):
+            for half in (mask[k] & RIGHT, mask[k] & ~RIGHT):
                 words[block[k]] = half
                 assert packed_hit(words, *packed, item, hit_at) == (half != 0)
                 if half:
