@@ -128,6 +128,18 @@ def test_words_beyond_the_commonest_halves_are_kept_whole(rng):
         assert array.tobytes() == again.arrays()[name].tobytes(), name
 
 
+def test_halves_are_named_up_to_the_last_of_their_bits(monkeypatch):
+    low, every = kernels.LOW_HALVES, kernels.HALVES
+    halves = np.arange(every, dtype=np.uint32)  # each has itself for its number
+    monkeypatch.setattr(lists, "_common_halves", lambda mask: halves)
+    ends = np.array([0, low - 1, low, low + 1, every - 1, every], np.uint64)
+    mask = (ends[:, None] | ends << np.uint64(32)).ravel()
+    ptr, block = np.arange(len(mask) + 1), np.zeros(len(mask), np.uint16)
+    cells = packed_lists(ptr, block, mask, 1)
+    assert np.array_equal(cells.unpacked().mask, mask)
+    assert len(cells.full) == len(mask) - 2 * 5
+
+
 def test_a_map_takes_less_than_two_thirds_of_ten_bytes_an_entry(small_map):
     by_item, by_block = small_map.arm_cells.bytes_by_view()
     stored = small_map.arm_cells.arrays().values()

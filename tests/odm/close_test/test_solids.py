@@ -152,10 +152,11 @@ def test_chords_beside_a_shape_keep_the_sag_too(small_map, rng):
         shape = draw_shape(rng.choice(KINDS), rng)
         solids = solids_of([shape])
         begin, end = around(shape, rng, 2)
+        end = rng.choice([begin, end])
         R = Rotation.random(random_state=rng).as_matrix()
         for k, at in enumerate((0.5 * (begin + end), begin, end)):
             work.frames[k, b] = [*R.ravel(), *at]
-        sag = rng.choice([0.0, 0.002, 0.05])
+        sag = rng.choice([0.0, 0.002, 0.3])
         work.body_speed[b] = np.linalg.norm(end - begin)
         work.bend[:] = work.body_bend[:] = 8.0 * sag
         chords_at_solids(clearance, mask, 0, solids, False)
@@ -315,7 +316,14 @@ def test_what_is_no_number_is_blocked_beside_shapes_too(small_map):
     far = solids_of(odm.Obstacles(spheres=np.array([[5.0, 5.0, 5.0, 0.1]])))
     q = np.zeros(small_map.robot.dof)
     assert test.clear(q, q, nothing, solids=far)
-    assert not test.clear(q + np.nan, q, nothing, solids=far)
+    for j in range(len(q)):
+        for bad in (np.nan, np.inf, -np.inf):
+            lost = np.where(np.arange(len(q)) == j, bad, q)
+            assert not test.clear(lost, q, nothing, solids=far)
+            assert not test.clear(q, lost, nothing, solids=far)
+            assert not test.clear(q, lost, nothing)
     arm, radii, _, tolerance, work = test.group
-    endless = CloseTest(arm, radii + np.inf, tolerance, work)
-    assert not endless.clear(q, q, nothing, solids=far)
+    for bad in (np.nan, np.inf):
+        for kept in ((radii + bad, radii), (radii, radii + bad)):
+            endless = CloseTest(arm, kept[0], tolerance, work, kept[1])
+            assert not endless.clear(q, q, nothing, solids=far)
