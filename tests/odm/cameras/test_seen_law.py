@@ -182,7 +182,7 @@ def eighths_all_free(space):
 @pytest.mark.parametrize("nothing", [0, 65535])
 def test_behind_holes_and_beside_the_picture_nothing_is_seen_free(small_map, nothing):
     """As if each pixel without a reading told of something right at the lens."""
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(6)  # there are cells in view at all four edges
     camera = draw_camera(rng)
     image = picture(camera, draw_capsules(rng))
     holes = np.zeros(image.shape, bool)

@@ -19,6 +19,7 @@ any_beside = with_wrapper(close.any_beside)
 any_within = with_wrapper(close.any_within)
 body_chord = with_wrapper(close.body_chord)
 list_near = with_wrapper(close.list_near)
+prepare_motion = with_wrapper(close.prepare_motion)
 
 
 def cloud_of(cell_map, points):
@@ -116,6 +117,23 @@ def test_points_beside_a_chord_are_found_as_one_by_one(rng):
             assert said == (d2 < far2).any()
     lost = (np.nan, 0.0, 0.0)
     assert any_beside(xyz, 0, 50, (lost, lost), 1e-6)
+
+
+def test_a_body_is_as_wide_and_as_fast_as_its_widest_and_fastest_sphere(small_map, rng):
+    arm, work = small_map.arm, work_of(small_map)
+    for _ in range(20):
+        radii, bare = rng.uniform(0.01, 0.2, (2, len(arm.spheres)))
+        clearance = Clearance(arm, radii, bare, 0.01, work)
+        assert prepare_motion(clearance, rng.normal(size=small_map.robot.dof))
+        for of_body, of_sphere in (
+            (work.body_radius, radii),
+            (work.body_bare, bare),
+            (work.body_speed, work.speed),
+            (work.body_bend, work.bend),
+        ):
+            parts = zip(arm.body_ptr[:-1], arm.body_ptr[1:], strict=True)
+            most = [of_sphere[a:b].max(initial=0.0) for a, b in parts]
+            assert of_body.tolist() == most
 
 
 def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
