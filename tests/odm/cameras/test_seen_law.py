@@ -179,6 +179,25 @@ def eighths_all_free(space):
     return blocked_at_first & (space.cells() == FREE)
 
 
+@pytest.mark.parametrize("nothing", [0, 65535])
+def test_behind_holes_and_beside_the_picture_nothing_is_seen_free(small_map, nothing):
+    """As if each pixel without a reading told of something right at the lens."""
+    rng = np.random.default_rng(6)  # there are cells in view at all four edges
+    camera = draw_camera(rng)
+    image = picture(camera, draw_capsules(rng))
+    holes = np.zeros(image.shape, bool)
+    holes[40:60, 64:96] = True  # wide enough for four pixels to be read as one
+    # single ones, whose neighbours beyond the edge are not known
+    holes[0, ::4] = holes[-1, 2::4] = holes[::4, 0] = holes[2::4, -1] = True
+    found = []
+    for reading in (nothing, 1):
+        space = odm.SeenSpace(small_map, camera, STILL)
+        space.update(np.where(holes, reading, image).astype(np.uint16), Q, 0.0)
+        found.append(space.cells() == FREE)
+    assert found[0].sum() > 500
+    assert not (found[0] & ~found[1]).any()
+
+
 def test_a_camera_more_never_frees_what_another_sees_occupied(small_map, rng):
     for _ in range(6):
         cameras = [draw_camera(rng) for _ in range(3)]

@@ -6,6 +6,7 @@ import pytest
 from seen_scenes import camera_at, draw_camera, draw_capsules, picture
 
 import odm
+from odm.cameras import _remember as remember
 from odm.cameras.space import CELL_NAMES
 from roadmap.kinematics.forward import tool_pose
 
@@ -158,6 +159,27 @@ def test_many_frames_are_remembered_as_by_the_slow_twin(small_map, policy):
             assert ((expected | unknown) | ~shown).all()
             assert shown.sum() > 0.9 * (expected | unknown).sum()
         before, then = state, now
+
+
+def test_what_is_remembered_grows_from_one_word_of_cells_into_the_next():
+    shape, most, rng = np.array([7, 6, 72]), 3, np.random.default_rng(2)
+    for z in ([63], [64], [62, 65], [0, 71]):
+        steps = rng.integers(0, most + 1, len(z))
+        steps[0] = 2
+        at = np.column_stack([rng.integers(0, shape[:2], (len(z), 2)), z])
+        order = np.argsort(-steps)
+        ptr = np.searchsorted(-steps[order], np.arange(-most - 1, 1), side="right")
+        cells = np.ravel_multi_index(at[order].T, shape)
+        bits, spare = np.zeros((2, shape[0], 2 * shape[1]), np.uint64)
+        remember.grow_sources(cells, ptr, shape, bits, spare)
+        expected = np.zeros(shape, bool)
+        for cell, k in zip(at, steps, strict=True):
+            one = np.zeros(shape, bool)
+            one[tuple(cell)] = True
+            expected |= naive.grown(one, k)
+        found = np.unpackbits(bits.view(np.uint8), axis=1, bitorder="little")
+        found = found.reshape(shape[0], shape[1], 128)[:, :, : shape[2]]
+        assert (found == expected).all()
 
 
 def test_behind_the_robot_the_last_content_is_kept(small_map):

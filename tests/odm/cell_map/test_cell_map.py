@@ -88,6 +88,12 @@ def test_a_map_for_another_robot_is_refused(folder, small_map):
         odm.load_map(folder, robot=other)
 
 
+def test_a_folder_of_another_kind_is_refused(tmp_path):
+    other = write_folder(tmp_path / "other", {"kind": "reach map"}, {})
+    with pytest.raises(BadMap, match="holds a 'reach map', not a cell map"):
+        odm.load_map(other)
+
+
 def test_a_folder_that_is_no_map_is_never_replaced(tmp_path):
     home = tmp_path / "precious"
     home.mkdir()

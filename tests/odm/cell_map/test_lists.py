@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small import AWAY, HOME, POST
+from wrappers import with_wrapper
 
 import odm
 from odm.cell_map import _packed as kernels
@@ -14,6 +15,8 @@ from odm.cell_map.lists import CellLists, cells_of_item, packed_lists
 from roadmap.builds.store import read_folder, write_folder
 from roadmap.errors import BadMap, BuildRefused
 
+packed_hit = with_wrapper(kernels.packed_hit)
+RIGHT = np.uint64(0xFFFFFFFF)  # half of the cells of a block
 BEFORE = ("ptr", "block", "mask", "t_ptr", "t_item", "t_mask")
 
 
@@ -79,6 +82,27 @@ def test_packed_lists_hold_the_cells_they_were_made_of(rng, n_blocks, share):
     assert there == [entry for entries in by_block for entry in entries]
 
 
+@pytest.mark.parametrize("share", [True, False])
+def test_a_list_is_hit_where_an_entry_of_it_is(rng, share):
+    """Any entry, the last one too, and however far from the one before."""
+    ptr, block, mask = drawn_lists(rng, 4096)
+    cells = packed_lists(ptr, block, mask, 4096, share)
+    packed, hit_at = cells.arrays().values(), np.zeros((60, 2), np.uint64)
+    for item in range(60):
+        words = np.zeros(4096, np.uint64)
+        for k in range(ptr[item], ptr[item + 1]):
+            words[block[k]] = ~mask[k]  # all cells of the block but those
+        assert not packed_hit(words, *packed, item, hit_at)
+        for k in range(ptr[item], ptr[item + 1]):
+            before = words[block[k]]
+            for half in (mask[k] & RIGHT, mask[k] & ~RIGHT):
+                words[block[k]] = half
+                assert packed_hit(words, *packed, item, hit_at) == (half != 0)
+                if half:
+                    assert hit_at[item].tolist() == [block[k] + 1, mask[k]]
+            words[block[k]] = before
+
+
 def test_more_steps_than_a_map_can_number_are_refused(monkeypatch):
     monkeypatch.setattr(lists, "_MOST_STEPS", 2)
     one = np.array([0, 1]), np.array([600], np.uint16), np.ones(1, np.uint64)
@@ -102,6 +126,18 @@ def test_words_beyond_the_commonest_halves_are_kept_whole(rng):
     again = packed_lists(ptr, block, mask, 1)
     for name, array in cells.arrays().items():
         assert array.tobytes() == again.arrays()[name].tobytes(), name
+
+
+def test_halves_are_named_up_to_the_last_of_their_bits(monkeypatch):
+    low, every = kernels.LOW_HALVES, kernels.HALVES
+    halves = np.arange(every, dtype=np.uint32)  # each has itself for its number
+    monkeypatch.setattr(lists, "_common_halves", lambda mask: halves)
+    ends = np.array([0, low - 1, low, low + 1, every - 1, every], np.uint64)
+    mask = (ends[:, None] | ends << np.uint64(32)).ravel()
+    ptr, block = np.arange(len(mask) + 1), np.zeros(len(mask), np.uint16)
+    cells = packed_lists(ptr, block, mask, 1)
+    assert np.array_equal(cells.unpacked().mask, mask)
+    assert len(cells.full) == len(mask) - 2 * 5
 
 
 def test_a_map_takes_less_than_two_thirds_of_ten_bytes_an_entry(small_map):

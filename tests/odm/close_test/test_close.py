@@ -19,6 +19,7 @@ any_beside = with_wrapper(close.any_beside)
 any_within = with_wrapper(close.any_within)
 body_chord = with_wrapper(close.body_chord)
 list_near = with_wrapper(close.list_near)
+prepare_motion = with_wrapper(close.prepare_motion)
 
 
 def cloud_of(cell_map, points):
@@ -118,20 +119,38 @@ def test_points_beside_a_chord_are_found_as_one_by_one(rng):
     assert any_beside(xyz, 0, 50, (lost, lost), 1e-6)
 
 
+def test_a_body_is_as_wide_and_as_fast_as_its_widest_and_fastest_sphere(small_map, rng):
+    arm, work = small_map.arm, work_of(small_map)
+    for _ in range(20):
+        radii, bare = rng.uniform(0.01, 0.2, (2, len(arm.spheres)))
+        clearance = Clearance(arm, radii, bare, 0.01, work)
+        assert prepare_motion(clearance, rng.normal(size=small_map.robot.dof))
+        for of_body, of_sphere in (
+            (work.body_radius, radii),
+            (work.body_bare, bare),
+            (work.body_speed, work.speed),
+            (work.body_bend, work.bend),
+        ):
+            parts = zip(arm.body_ptr[:-1], arm.body_ptr[1:], strict=True)
+            most = [of_sphere[a:b].max(initial=0.0) for a, b in parts]
+            assert of_body.tolist() == most
+
+
 def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
     """However far its ends are from its middle, which is what blocks are listed by."""
     arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
     clearance = Clearance(arm, radii, radii, 0.01, work)
     b = len(arm.body_ptr) - 2
     part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
-    work.body_radius[b], work.bend[:], work.body_bend[:] = radii[part].max(), 0.0, 0.0
+    work.body_radius[b] = radii[part].max()
     free = blocked = 0
     for _ in range(300):
         R = Rotation.random(random_state=rng).as_matrix()
         begin, d = rng.uniform(-0.4, 0.4, 3), rng.uniform(0.0, 0.8) * unit(rng)
         for k, share in enumerate((0.5, 0.0, 1.0)):
             work.frames[k, b] = [*R.ravel(), *(begin + share * d)]
-        work.body_speed[b] = np.linalg.norm(d)
+        work.body_speed[b], sag = np.linalg.norm(d), rng.choice([0.0, 0.01, 0.1])
+        work.bend[:] = work.body_bend[:] = 8.0 * sag
         points = begin + rng.uniform(-0.3, 1.3, (rng.integers(1, 40), 1)) * d
         points += rng.normal(size=points.shape) * rng.choice([0.15, 0.4])
         if rng.random() < 0.5:  # blocks of many points, which are measured at once
@@ -144,7 +163,7 @@ def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
         w = points[None] - at[:, None]
         along = np.clip(w @ d / (d @ d), 0.0, 1.0)
         gaps = np.linalg.norm(w - along[..., None] * d, axis=2)
-        assert said == (gaps >= radii[part, None]).all()
+        assert said == (gaps >= radii[part, None] + sag).all()
         free, blocked = free + said, blocked + (not said)
     assert free > 50 < blocked
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from naive_cells import centers
+from scipy.spatial.transform import Rotation
 from shapes_drawn import (
     KINDS,
     draw_shape,
@@ -16,7 +17,7 @@ from wrappers import with_wrapper
 
 import odm
 from odm.close_test import _close as close
-from odm.close_test._arm import make_work
+from odm.close_test._arm import Clearance, make_work
 from odm.close_test._close import FIRST_SOLID
 from odm.close_test.close_test import CloseTest
 from odm.obstacles import _occupancy as occupancy
@@ -24,6 +25,8 @@ from odm.obstacles._solids import chord_keeps, solid_distance, solid_gap
 from roadmap.kinematics.forward import difference
 
 chord_keeps = with_wrapper(chord_keeps)
+chords_at_solids = with_wrapper(close.chords_at_solids)
+place_clear = with_wrapper(close.place_clear)
 solid_distance = with_wrapper(solid_distance)
 solid_gap = with_wrapper(solid_gap)
 
@@ -133,6 +136,69 @@ def test_what_is_clear_of_shapes_keeps_m_at_dense_places(small_map, planner, rng
             free += 1
             assert smallest_solid_gap(small_map, q, dq, shapes, 30) >= m - 1e-7
     assert free > 10
+
+
+def test_chords_beside_a_shape_keep_the_sag_too(small_map, rng):
+    """However far their ends are from the middle, where a body is looked at."""
+    arm, work = small_map.arm, work_of(small_map)
+    bare = arm.spheres[:, 3] + small_map.safety.m
+    clearance = Clearance(arm, bare, bare, 0.01, work)
+    b = len(arm.body_ptr) - 2
+    part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
+    mask = np.arange(len(arm.tree_i)) == b
+    work.body_bare[b], work.early[b] = bare[part].max(), 0
+    kept = lost = 0
+    for _ in range(300):
+        shape = draw_shape(rng.choice(KINDS), rng)
+        solids = solids_of([shape])
+        begin, end = around(shape, rng, 2)
+        end = rng.choice([begin, end])
+        R = Rotation.random(random_state=rng).as_matrix()
+        for k, at in enumerate((0.5 * (begin + end), begin, end)):
+            work.frames[k, b] = [*R.ravel(), *at]
+        sag = rng.choice([0.0, 0.002, 0.3])
+        work.body_speed[b] = np.linalg.norm(end - begin)
+        work.bend[:] = work.body_bend[:] = 8.0 * sag
+        chords_at_solids(clearance, mask, 0, solids, False)
+        off = arm.spheres[part, :3] @ R.T
+        said = all(
+            chord_keeps(solids, 0, tuple(begin + o), tuple(end + o), r + sag)
+            for o, r in zip(off, bare[part], strict=True)
+        )
+        assert (work.state[b] == 0) == said
+        kept, lost = kept + said, lost + (not said)
+    assert kept > 50 < lost
+
+
+def test_a_place_is_clear_where_a_motion_that_stays_there_is(small_map, planner, rng):
+    test, still, free = of_shapes(small_map), np.zeros(3), 0
+    for k in range(150):
+        q = draw_valid(planner, rng)
+        at, way = centers(small_map.arm, small_map.robot, q), rng.normal(size=3)
+        i, way = rng.integers(len(at)), way / np.linalg.norm(way)
+        gap = (
+            rng.uniform(0.9, 1.2) * (test.group.bare if k % 2 else test.group.radii)[i]
+        )  # from a point, a ball
+        points = (at[i] + gap * way)[None] if k % 2 == 0 else NOTHING
+        balls = np.array([[*(at[i] + (gap + 0.03) * way), 0.03]])[: k % 2]
+        cloud, solids = (
+            cloud_of(small_map, points),
+            solids_of(odm.Obstacles(spheres=balls)),
+        )
+        said = test.clear(q, still, cloud, solids=solids)
+        test.group.work.speed[:] = test.group.work.body_speed[:] = -1.0  # of before
+        assert place_clear(test.group, q, cloud, solids) == said
+        free += said
+    assert 20 < free < 130
+    for bad in (np.nan, np.inf):
+        nowhere = np.array([0.0, bad, 0.0])
+        assert not place_clear(test.group, nowhere, cloud, solids)
+    none = cloud_of(small_map, NOTHING), solids_of([])
+    assert place_clear(test.group, q, *none)
+    for radii in (test.group.radii, test.group.bare):
+        before, radii[-1] = radii[-1], np.nan
+        assert not place_clear(test.group, q, *none)
+        radii[-1] = before
 
 
 def test_what_is_blocked_by_a_shape_comes_within_the_tolerance(small_map, planner, rng):
@@ -250,7 +316,14 @@ def test_what_is_no_number_is_blocked_beside_shapes_too(small_map):
     far = solids_of(odm.Obstacles(spheres=np.array([[5.0, 5.0, 5.0, 0.1]])))
     q = np.zeros(small_map.robot.dof)
     assert test.clear(q, q, nothing, solids=far)
-    assert not test.clear(q + np.nan, q, nothing, solids=far)
+    for j in range(len(q)):
+        for bad in (np.nan, np.inf, -np.inf):
+            lost = np.where(np.arange(len(q)) == j, bad, q)
+            assert not test.clear(lost, q, nothing, solids=far)
+            assert not test.clear(q, lost, nothing, solids=far)
+            assert not test.clear(q, lost, nothing)
     arm, radii, _, tolerance, work = test.group
-    endless = CloseTest(arm, radii + np.inf, tolerance, work)
-    assert not endless.clear(q, q, nothing, solids=far)
+    for bad in (np.nan, np.inf):
+        for kept in ((radii + bad, radii), (radii, radii + bad)):
+            endless = CloseTest(arm, kept[0], tolerance, work, kept[1])
+            assert not endless.clear(q, q, nothing, solids=far)

@@ -214,6 +214,42 @@ def test_the_proved_bound_is_true_and_tight(kind, rng):
         assert above <= max(below, 0) + 0.15 * max(below, 0.005)
 
 
+def test_the_bound_is_not_below_what_a_corner_lacks(rng):
+    """The worst place is a corner, which is the middle of no box that is looked at."""
+    lacks = 3 * 0.1**2 - 0.15**2
+    for tol in (1e-5, 1e-4, 1e-4, 1e-4):
+        T = np.eye(4)
+        T[:3, :3] = rotation(rng)
+        cube = Solid(BOX, 0, T, (0.2, 0.2, 0.2), NO_POINTS)
+        above = proof(cube, np.array([[0.0, 0.0, 0.0, 0.15]]), tol)
+        assert lacks <= above <= lacks + 2 * tol
+
+
+def test_a_search_without_the_room_to_end_proves_nothing(monkeypatch):
+    cube = Solid(BOX, 0, np.eye(4), (0.2, 0.2, 0.2), NO_POINTS)
+    sphere, where = np.array([[0.0, 0.0, 0.0, 0.15]]), np.empty(3)
+    region, squares = spheres._region(cube), sphere[:, 3] ** 2
+    for room in (1, 4):
+        stack = np.empty((room, 6))
+        args = region, sphere, squares, 1e-6, stack, where
+        assert kernels.worst_power(*args) == -1.0
+    monkeypatch.setattr(kernels, "worst_power", lambda *_: -1.0)
+    with pytest.raises(BadRobot, match="cannot be proved"):
+        cover_solids([cube], 0.05)
+
+
+def test_spheres_grow_by_what_the_worst_held_of_several_solids_lacks(rng):
+    T = np.eye(4)
+    T[0, 3] = 0.5
+    cubes = [Solid(BOX, 0, pose, (0.2, 0.2, 0.2), NO_POINTS) for pose in (np.eye(4), T)]
+    given = np.array([[0.0, 0.0, 0.0, 0.15], [0.5, 0.0, 0.0, 0.2]])
+    for order in (cubes, cubes[::-1]):
+        grown, worst = spheres._proved(given, order)
+        assert len(worst) == 1
+        for cube in cubes:
+            assert uncovered(inner_points(cube, 3000, rng), grown) <= 0
+
+
 @pytest.mark.parametrize("kind", [HULL, BOX, CYLINDER, SPHERE])
 def test_a_shell_contains_its_solid_and_sticks_out_little(kind, rng):
     for _ in range(20):
