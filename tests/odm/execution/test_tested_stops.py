@@ -311,7 +311,7 @@ def test_a_way_out_that_is_free_no_more_is_left_by_its_tested_stop_at_once(scene
 
 def test_no_way_out_is_taken_that_does_not_pass_or_begins_elsewhere(scene):
     executor = scene.executor
-    executor._left = np.array([END, START]), (1.0,)
+    executor._left = np.array([END, START]), (1.0,), None
     scene.frames(1, "holding")
     assert executor.state == STANDING and executor._left is None
     scene.free = False
