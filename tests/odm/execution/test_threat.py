@@ -329,7 +329,8 @@ def test_at_a_time_that_is_none_nobody_has_a_known_speed():
     watcher, person = Watcher(), np.array([[0.0, 0, 1, 0, 0, 1.3, 0.05]])
     with np.errstate(all="raise"):
         for now in np.array([0.0, 0.01, 0.02, np.inf, np.inf, -np.inf, np.nan, 0.03]):
-            threat = watcher.look(person + [now < 1, 0, 0, 0, 0, 0, 0], now)
+            person = person + [0.01, 0, 0, 0.01, 0, 0, 0]
+            threat = watcher.look(person, now)
     assert (threat.error == np.inf).all()
 
 
