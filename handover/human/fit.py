@@ -14,6 +14,7 @@ from handover.human.human_arm import MIRROR, check_side
 from handover.human.skeleton import Skeleton
 from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
 # What a degree outside the range counts, of the first four joints: an elbow that bends
@@ -70,6 +71,7 @@ def human_from_joints(
     R, neck, hip = _trunk(at, height)
     palm = BodySizes.sized(height, thickness).hand
     skeleton = _skeleton(at, sides, height, palm, (R, neck, hip))
+    check_kind("hands", hands or {}, Mapping, "give side -> (3, 3) rotation")
     hands = {check_side(side): turn for side, turn in (hands or {}).items()}
     joints = {s: _arm_joints(s, at, R, hands.get(s)) for s in sides}
     T = pose_with(R, hip - R @ skeleton.hips.mean(axis=0))
@@ -252,7 +254,11 @@ def _arm_joints(
     if f"{side}_tip" in at and np.linalg.norm(at[f"{side}_tip"] - wrist) > 1e-3:
         fingers = flip @ R.T @ _unit(at[f"{side}_tip"] - wrist)
     if R_hand is not None:
-        given = check_pose(pose_with(R_hand), f"the {side} hand's rotation")[:3, :3]
+        name = f"the {side} hand's rotation"
+        R_hand = as_floats(name, R_hand)
+        if R_hand.shape != (3, 3):
+            raise BadInput(f"{name} has shape {R_hand.shape}; give (3, 3)")
+        given = check_pose(pose_with(R_hand), name)[:3, :3]
         R_hand = flip @ R.T @ given @ flip
     return arm_joints(u, v, fingers, R_hand)
 

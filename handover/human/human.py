@@ -40,6 +40,7 @@ from odm.obstacles.surfaces import sample_capsules
 from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import moved_rods
+from roadmap.ranges import check_kind, is_between
 from roadmap.transforms import check_pose, inverse_pose, rotation_rpy
 
 _ROUNDING = 1e-15  # by which the length of a direction is off 1
@@ -89,11 +90,13 @@ class Human:
         posture = posture_named(self.posture)
         body.check_thickness(self.thickness)
         put = object.__setattr__
+        check_kind("arms", self.arms, Mapping, "give side -> (7,) joints")
         if self.skeleton is None:
             put(self, "skeleton", Skeleton.of_height(self.height))
+        check_kind("skeleton", self.skeleton, Skeleton, "give a Skeleton, or None")
         if self.mass is None:
             put(self, "mass", body.BODY_MASS_INDEX * self.height**2)
-        if not 0 < self.mass < 500:
+        if not is_between(self.mass, 1e-9, 500):
             raise BadInput(f"a body mass of {self.mass} kg is none; give kilograms")
         put(self, "gaze", _direction(self.gaze))
         bend = [0.0, np.radians(posture.chest), 0.0] if self.bend is None else self.bend
@@ -240,7 +243,8 @@ class Human:
         """
         body_of = _upper_body(self.height, self.thickness)
         rows, arms = np.isin(body_of.labels, ARM_LABELS[check_side(side)]), self.arms
-        places = (self._places_with({**arms, side: np.array(q)}) for q in joints)
+        joints = map(check_joints, np.atleast_1d(as_floats("joints", joints)))
+        places = (self._places_with({**arms, side: q}) for q in joints)
         return np.array([body_of.capsules(at)[rows] for at in places]).reshape(-1, 3, 7)
 
     def surface_points(

@@ -25,6 +25,7 @@ from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from handover.human.body import SIDES
 from roadmap.arrays import as_floats, freeze, frozen
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between
 from roadmap.transforms import check_pose, flat_pose, pose_of_flat
 
 STEP = math.radians(15.0)  # [rad] between representatives, unless another is asked for
@@ -167,9 +168,9 @@ class Arm:
             BadInput: The pose is not rigid or not finite, or the step is not positive.
         """
         T = self.mirrored(check_pose(T_shoulder_hand, "T_shoulder_hand"))
-        if not 1e-3 <= step < np.inf:
+        if not is_between(step, 1e-3, 1e6):
             raise BadInput(
-                f"a swivel step of {step} rad is too small; give 0.001 rad or more"
+                f"a swivel step of {step} rad is none; give 0.001 rad or more"
             )
         room = 2 * MAX_SPANS + int(2.0 * math.pi / step) + 1
         work, q, at = np.empty((WORK_ROWS, 3)), np.empty((room, 7)), np.empty((room, 2))

@@ -18,7 +18,7 @@ LEAST_DEPTH = 0.03  # [m] no camera reads less
 _STEEPEST = 75.0
 _SIDES = ("width", "height")
 _SIDE = f"a whole number of pixels from 8 to {MOST_PIXELS}; take the size of its images"
-_ABOVE = "above 0; take it from the camera's calibration"
+_ABOVE = "above %s; take it from the camera's calibration"
 _CUT = (
     f"a number of pixels from {-MOST_PIXELS} to {MOST_PIXELS}; take it from the "
     "calibration, less the %s that were cut off before the image"
@@ -26,8 +26,9 @@ _CUT = (
 _LIMITS = {
     **dict.fromkeys(_SIDES, (8, MOST_PIXELS, _SIDE)),
     **dict.fromkeys(
-        ("fx", "fy", "scale"), (math.nextafter(0.0, 1.0), MOST_NUMBER, _ABOVE)
+        ("fx", "fy"), (math.nextafter(2.0, 3.0), MOST_NUMBER, _ABOVE % "2 pixels")
     ),
+    "scale": (math.nextafter(0.0, 1.0), MOST_NUMBER, _ABOVE % 0),
     "cx": (-MOST_PIXELS, MOST_PIXELS, _CUT % "columns"),
     "cy": (-MOST_PIXELS, MOST_PIXELS, _CUT % "rows"),
 }
@@ -67,6 +68,7 @@ class DepthCamera:
                 raise BadInput(f"{key} {value} of {self.name} must be {wanted}")
             object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
+        _vector(pose[:3, 3], f"the place of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
 
     def moved(self, T_base_camera: np.ndarray) -> "DepthCamera":
@@ -111,6 +113,7 @@ class DepthCamera:
                 f"the image of {self.name} is {kind}; give uint16 pixels, depths in "
                 "metres go through camera.from_metres first"
             )
+        image = np.ma.filled(image, NO_READING[0])
         if image.shape != (self.height, self.width):
             shown = " x ".join(str(n) for n in image.shape[::-1])
             raise BadInput(
@@ -123,13 +126,16 @@ class DepthCamera:
         return image
 
     def from_metres(self, depth_m: np.ndarray) -> np.ndarray:
-        """Return depths [m] (height, width) as pixels; NaN, infinity, <= 0 give 0.
+        """Return depths [m] (height, width) as pixels.
 
-        Rounded down: no surface moves away from the camera.
+        NaN, infinity, what is masked, <= 0 or too far for a pixel give 0. Rounded down:
+        no surface moves away from the camera.
         """
         depth = as_floats("the depths", depth_m)
-        pixels = np.floor(np.where(np.isfinite(depth), depth, 0.0) / self.scale + 1e-6)
-        pixels[(pixels < 0) | (pixels >= NO_READING[1])] = 0
+        known = (depth > 0.0) & (depth < self.scale * NO_READING[1])
+        known &= ~np.ma.getmaskarray(depth_m)
+        pixels = np.floor(np.where(known, depth, 0.0) / self.scale + 1e-6)
+        pixels[pixels >= NO_READING[1]] = 0
         return pixels.astype(np.uint16)
 
     def misread(self, image: np.ndarray, most: float) -> str | None:
@@ -200,6 +206,8 @@ def _vector(value: object, name: str) -> np.ndarray:
         row = np.asarray(value, float)
     except (TypeError, ValueError, OverflowError):
         row = np.zeros(0)
-    if row.shape != (3,):
-        raise BadInput(f"{name} is {value!r}; give three numbers, base frame")
+    if row.shape != (3,) or (np.abs(row) > MOST_NUMBER).any():
+        raise BadInput(
+            f"{name} is {value!r}; give three numbers up to {MOST_NUMBER:g}, base frame"
+        )
     return row

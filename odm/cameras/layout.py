@@ -12,6 +12,7 @@ from odm.cameras.view import View, lay_out_view
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.payload import largest_robot
 from odm.obstacles.grid import bounding_ball
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.kinematics import _forward as kinematics
 from roadmap.ranges import check_kind
@@ -19,6 +20,7 @@ from roadmap.robot.robot import Robot
 from roadmap.transforms import moved_points
 
 _MOST_PAYLOAD = 64
+_LEAST_BALL, _FAR = 1e-6, 10.0  # [m] of a payload; beyond, the unit is another
 _NO_PAYLOAD = np.zeros((0, 4))
 
 
@@ -147,11 +149,17 @@ def check_payload(payload: np.ndarray | None) -> np.ndarray:
     """Return a payload as (k, 4) float64; None is an empty one."""
     if payload is None:
         return _NO_PAYLOAD
-    payload = np.ascontiguousarray(payload, np.float64)
+    payload = as_floats("the payload", payload)
     if payload.ndim != 2 or payload.shape[1] != 4 or not np.isfinite(payload).all():
         raise BadInput(
             f"the payload has shape {payload.shape}; give (k, 4) finite balls in the "
             "tool frame, centre and radius [m]"
+        )
+    wrong = (payload[:, 3] < _LEAST_BALL) | (np.abs(payload) > _FAR).any(axis=1)
+    if wrong.any():
+        raise BadInput(
+            f"the payload has a ball {payload[wrong][0].tolist()}, but a radius must "
+            f"be {_LEAST_BALL:g} m or more, no number beyond {_FAR:g} m; give metres"
         )
     if len(payload) > _MOST_PAYLOAD:
         raise BadInput(

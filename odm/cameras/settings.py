@@ -43,7 +43,7 @@ class SeenSettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.policy not in POLICIES:
+        if self.policy not in list(POLICIES):
             raise BadInput(
                 f"the policy {self.policy!r} is unknown; choose one of "
                 f"{', '.join(POLICIES)}"

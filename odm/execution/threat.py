@@ -473,6 +473,7 @@ class Watcher:
         for name, value in (("now", now), ("the age of the capsules", age)):
             if name == "now" or value is not None:
                 check_kind(name, value, Real, "give seconds as a number")
+        now = float(now)  # numpy would warn of the time between two that are infinite
         told = self._told
         if told is not None and now == self._past[-1][0]:
             if np.array_equal(capsules, told.capsules):

@@ -26,6 +26,7 @@ _WORDS = {int(part): part.words for part in Part}
 _LOST = 2.5  # times as long as a tracker takes for a frame, somebody may not be seen
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 OTHER_SIDE = {"left": "right", "right": "left"}
+_NOWHERE = 1e6  # [m] what is that far away, or not finite, is not seen
 _SHAPES = {"wrench": (6,), "T_base_object": (4, 4), "q": (-1,), "capsules": (-1, 7)}
 
 
@@ -45,7 +46,8 @@ class StoryFrame:
         wrench: (6,) at the robot's wrist [N], [N m]; None: no sensor, no pull.
         opened: Whether the fingers are open, as measured.
         holds: Whether there is something between closed fingers, as measured.
-        T_base_object: (4, 4) where the object is seen [m]; None, or not finite: unseen.
+        T_base_object: (4, 4) where the object is seen [m]; None, not finite, or farther
+            away than 1e6 m: unseen.
         q: (dof,) measured configuration; None: at the set-point, or as far from it as
             when last measured.
         capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
@@ -128,8 +130,8 @@ def _numbers(name: str, frame: StoryFrame, shape: tuple[int, ...]) -> np.ndarray
 
 
 def _as_pose(T: np.ndarray) -> np.ndarray | None:
-    """Return a measured pose (4, 4), exactly rigid; None where it is not finite."""
-    if not np.isfinite(T).all():
+    """Return a measured pose (4, 4), exactly rigid; None where it is nowhere."""
+    if not (np.abs(T) < _NOWHERE).all():
         return None
     off = float(np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max())
     wrong = off > _OFF_RIGID or (T[3] != (0.0, 0.0, 0.0, 1.0)).any()
@@ -388,6 +390,8 @@ class Sight:
         while len(past) > 2 and past[0][0] < now - self._averaged_s - 1e-6:
             past.popleft()  # of a rare one the last two: alone it would seem to stand
         (since, there), (now, here) = past[0], past[-1]
+        if not math.isfinite(now):
+            return math.inf  # nobody knows how long it took
         return _length(here[:3, 3] - there[:3, 3]) / (now - since or 1.0)
 
     def _aim_at(self, T: np.ndarray | None) -> np.ndarray | None:

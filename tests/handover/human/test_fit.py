@@ -120,6 +120,10 @@ def test_nonsense_is_refused():
         human_from_joints(1000.0 * good)
     with pytest.raises(BadInput, match="no 'lefft' arm"):
         human_from_joints(good, 1.75, hands={"lefft": np.eye(3)})
+    with pytest.raises(BadInput, match="give side -> "):
+        human_from_joints(Human().places, hands="left")
+    with pytest.raises(BadInput, match=r"rotation has shape \(2, 2\); give \(3, 3\)"):
+        human_from_joints(Human().places, hands={"left": np.eye(2)})
     with pytest.raises(BadInput, match="left hand's rotation is not a rigid"):
         human_from_joints(good, 1.75, hands={"left": 2 * np.eye(3)})
 

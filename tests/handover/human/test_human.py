@@ -289,3 +289,17 @@ def test_capsules_of_an_arm_that_is_bent_otherwise_are_those_of_the_whole_person
         whole = bent.capsules()[np.isin(bent.labels, ARM_LABELS[side])]
         assert np.array_equal(rows, whole)
     assert human.arm_capsules(side, joints[:0]).shape == (0, 3, 7)
+
+
+def test_what_is_of_another_kind_is_refused_in_one_sentence():
+    human = Human()
+    for words, call in (
+        ("arms is None", lambda: Human(arms=None)),
+        ("skeleton is 1.0", lambda: Human(skeleton=1.0)),
+        ("mass of x kg", lambda: Human(mass="x")),
+        ("swivel step of None", lambda: human.arm_ik("left", np.eye(4), None)),
+        ("joints must be", lambda: human.arm_capsules("left", None)),
+        ("joints of an arm", lambda: human.arm_capsules("left", [1.0, 2.0])),
+    ):
+        with pytest.raises(BadInput, match=words):
+            call()

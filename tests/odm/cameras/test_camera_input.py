@@ -50,6 +50,30 @@ def test_cells_beyond_the_largest_reading_are_not_all_in_shadow(small_map):
     assert 0 < counts["shadow"] < 0.2 * counts["unseen"]
 
 
+def test_focal_lengths_that_are_no_pixels_are_refused():
+    for focal in (1.0, 0.74, 1e-300):  # in image widths, say
+        refused("fx .* above 2 pixels", camera_at, [1.3, 0, 0.5], focal=focal)
+
+
+def test_what_is_masked_is_no_reading(space, camera):
+    mask = np.zeros((120, 160), bool)
+    mask[:60] = True
+    depth = np.ma.masked_array(np.ones((120, 160)), mask)
+    pixels = camera.from_metres(depth)
+    assert (pixels[mask] == 0).all() and (pixels[~mask] > 0).all()
+    image = np.ma.masked_array(np.full((120, 160), 2000, np.uint16), mask)
+    assert space.update(image, Q, 0.0).readings["valid"] == 60 * 160
+
+
+def test_depths_and_places_beyond_all_numbers_tell_nothing(camera):
+    with np.errstate(all="raise"):
+        assert (camera.from_metres(np.full((120, 160), 1.7e308)) == 0).all()
+        refused("eye is", look_at, [0, 0, 1e300], [0, 0, 0])
+        T = np.array(camera.T_base_camera)
+        T[0, 3] = 1e300
+        refused("the place of camera", camera.moved, T)
+
+
 def test_the_number_of_images_counts(space, camera):
     image = picture(camera)
     refused("2 images .* 1 cameras", space.update, [image, image], Q, 0.0)
@@ -140,14 +164,18 @@ def test_no_camera_is_refused(small_map):
 @pytest.mark.parametrize(
     "options",
     [{"d_self": 0.02}, {"d_self": -1.0}, {"memory_s": -0.1}, {"speed": np.nan},
-     {"policy": "hope"}, {"flying_m": 0.0}, {"noise_m": 1.0}],
+     {"policy": "hope"}, {"policy": ["free"]}, {"flying_m": 0.0}, {"noise_m": 1.0}],
 )  # fmt: skip
 def test_settings_out_of_range_are_named(options):
     (name,) = options
     refused(name, odm.SeenSettings, **options)
 
 
-@pytest.mark.parametrize("payload", [np.zeros(4), np.full((1, 4), np.nan)])
+@pytest.mark.parametrize(
+    "payload",
+    [np.zeros(4), np.full((1, 4), np.nan), "x", [[1.0], [1.0, 2.0]], np.zeros((64, 4)),
+     [[0.0, 0.0, 0.1, -1.0]], [[0.0, 0.0, 1e300, 0.1]]],
+)  # fmt: skip
 def test_a_bad_payload_is_refused(space, camera, payload):
     refused("payload", space.update, picture(camera), Q, 0.0, payload)
 

@@ -237,8 +237,9 @@ def _at(p):
 
 def test_cameras_look_wherever_a_payload_can_get(cell_map, loaded):
     from odm.cameras import layout
+    from odm.cell_map.payload import largest_robot
 
-    inside = layout._in_reach(cell_map)
+    inside = layout._in_reach(cell_map, largest_robot(cell_map))
     nx, ny, nz = (int(v) for v in cell_map.grid.blocks)
     lists = loaded.arm_cells.by_item
     blocks = np.unique(loaded.arm_cells.by_item.block.astype(np.int64))

@@ -325,6 +325,15 @@ def threats(age):
     yield CloudThreat(BALL[:, :3], age, settings)
 
 
+def test_at_a_time_that_is_none_nobody_has_a_known_speed():
+    watcher, person = Watcher(), np.array([[0.0, 0, 1, 0, 0, 1.3, 0.05]])
+    with np.errstate(all="raise"):
+        for now in np.array([0.0, 0.01, 0.02, np.inf, np.inf, -np.inf, np.nan, 0.03]):
+            person = person + [0.01, 0, 0, 0.01, 0, 0, 0]
+            threat = watcher.look(person, now)
+    assert (threat.error == np.inf).all()
+
+
 @pytest.mark.parametrize("age", [None, np.nan, np.inf, -0.1])
 def test_an_age_that_is_not_known_makes_the_person_be_anywhere(age):
     for threat in threats(age):

@@ -604,6 +604,12 @@ def test_a_hand_that_trembles_holds_still_and_one_that_goes_on_does_not(maps):
     assert 0.0 < max(trembling[20:]) < story.settings.still_speed
     story.sight.speed_of_object(sim.StoryFrame(0.0, human))  # out of sight
     assert list(speeds(lambda t: 0.2 * t))[-1] == pytest.approx(0.2)
+    with np.errstate(all="raise"):  # at a time that is none it may be as fast as it is
+        for stamp in (np.inf, np.inf, -np.inf, np.nan):
+            lost = sim.StoryFrame(1.0, human, T_base_object=FAR, stamp=stamp)
+            assert story.sight.speed_of_object(lost) == np.inf
+    nowhere = pose_of((1e300, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert sim.StoryFrame(0.0, human, T_base_object=nowhere).T_base_object is None
 
 
 @pytest.mark.parametrize("noise", [0.005, 0.01])
