@@ -318,18 +318,26 @@ class InteractionWorkspace:
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""
+        self._removed[self._place_of(target)] = True
+
+    def restore(self, targets: Sequence[Target] | None = None) -> None:
+        """Bring removed targets back; None: all of them."""
+        if targets is None:
+            self._removed[:] = False
+            return
+        for at in [self._place_of(target) for target in targets]:
+            self._removed[at] = False
+
+    def _place_of(self, target: Target) -> int:
+        """Return which of the keys a target has."""
         check_kind("target", target, Target, "give one that best() returned")
         at = int(np.searchsorted(self._keys, target.key))
         if at == len(self._keys) or self._keys[at] != target.key:
             raise BadInput(
-                f"no cell of this workspace has the key {target.key}; remove targets "
+                f"no cell of this workspace has the key {target.key}; give targets "
                 "that its own best() returned"
             )
-        self._removed[at] = True
-
-    def restore(self) -> None:
-        """Bring all removed targets back."""
-        self._removed[:] = False
+        return at
 
     def forget(self) -> None:
         """Forget the last best targets, with which the next `best` would begin."""

@@ -181,6 +181,7 @@ class LiveTargets:
         busy = self.withdrawn or self._pursued is not None
         self._blocked = 0 if busy else self._blocked + 1
         self._changed = False
+        self.finder.look_again(allowance)
         if self.withdrawn and (self.goals or not self.counts["set_goals"]):
             self._changed = True  # a costly job: no other in this frame
             self.counts["set_goals"] += 1

@@ -8,6 +8,7 @@ import numpy as np
 from handover.meet.find import check_same_robot
 from handover.meet.settings import FindSettings
 from handover.meet.workspace import InteractionWorkspace, Target
+from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
 from odm.close_test.static import StaticTest
@@ -50,7 +51,8 @@ class TargetGoals:
 
     Args:
         planner: Its scenery counts.
-        meet: The targets; those that fail for good are removed from it.
+        meet: The targets; those that fail are removed from it, until something else
+            stands still.
         index: Nodes of the planner's roadmap by pose; None: made here.
         settings: How near a node must be, how many starts, see LiveSettings.
 
@@ -81,6 +83,10 @@ class TargetGoals:
         self._T_base_world = np.linalg.inv(meet.settings.T_world_base)
         self._exact: dict[int, list[Goal]] = {}
         self._near: dict[int, Goal | None] = {}
+        self._lost: dict[int, Target] = {}  # those that failed
+        self._refused: dict[int, list[np.ndarray]] = {}  # something stands there
+        self._around = self._stands()
+        self._waiting: dict[int, None] = {}  # to be looked at again, in order
         self._begun: dict[int, int] = {}  # starts of the inverse kinematics so far
         self._starts: dict[int, int] = {}  # ... and at most, where fewer have to do
         self._seeds: dict[int, np.ndarray] = {}  # nodes it starts from
@@ -100,9 +106,44 @@ class TargetGoals:
 
     def forget(self) -> None:
         """Forget what was found: the hand, the scenery or the clearance has changed."""
+        self.meet.restore(list(self._lost.values()))
         known = self._exact, self._near, self._begun, self._starts, self._seeds
-        for one in (*known, self.failed):
+        for one in (*known, self.failed, self._lost, self._refused, self._waiting):
             one.clear()
+        self._around = self._stands()
+
+    def look_again(self, allowance: Allowance | None = None) -> None:
+        """Look once more at a target where something stood in the way; once a frame.
+
+        Nothing is done until other things stand still, the hand holds something else or
+        the clearance has changed. What is free since then is known at once, and a
+        target that had failed is back in the workspace.
+
+        Args:
+            allowance: What the frame may do; None: as much as this takes.
+        """
+        (static, things, extra), (a, b, c) = self._stands(), self._around
+        if static is not a or things is not b or extra != c:
+            self._around = static, things, extra
+            self._waiting |= dict.fromkeys([*self.failed, *self._refused])
+        if not self._waiting:
+            return
+        if allowance is not None and not allowance.grants(allowance.takes.solve):
+            return
+        key = next(iter(self._waiting))
+        del self._waiting[key]
+        for q in self._refused.pop(key, []):
+            self._judge(key, q)
+        if key in self.failed:
+            self._near.pop(key, None)
+            if self.found(key) or self._node_of(self._lost[key]) is not None:
+                del self.failed[key]
+                self.meet.restore([self._lost.pop(key)])
+
+    def _stands(self) -> tuple[StaticTest, dict, float]:
+        """Return what decides which configurations are free while nobody is about."""
+        planner = self.planner
+        return planner.static, planner.carrier.things, planner.static.extra
 
     @property
     def why_failed(self) -> str:
@@ -115,6 +156,7 @@ class TargetGoals:
             return ""
         worst = max(causes, key=lambda why: (why != _UNSOLVED, causes[why]))
         cause = worst.removeprefix("it is not free: ")
+        cause = cause.removesuffix("; choose another one")
         return f"the robot gets to none of {len(self.failed)} looked at ({cause})"
 
     def is_open(self, key: int) -> bool:
@@ -131,7 +173,7 @@ class TargetGoals:
 
         After the last one a target without a configuration has failed. If no node is
         near it, either, it is removed from the workspace [Vahrenkamp2016, Algorithm 2,
-        line 9].
+        line 9]; see `look_again`.
         """
         key = target.key
         if not self.is_open(key):
@@ -152,16 +194,25 @@ class TargetGoals:
                 rotation_tolerance=FindSettings.rotation_tolerance,
             )
             for one in found:
-                why = goal_trouble(self.planner.static, one.q)
-                if why is None and self._is_new(key, one.q):
-                    goal = Goal(key, one.q, EXACT)
-                    self._exact.setdefault(key, []).append(goal)
-                    return goal
+                why = self._judge(key, one.q)
+                if why is None:
+                    return self.found(key)[-1]
         if begun == self._most(key) and not self.found(key):
-            self.failed[key] = why or _UNSOLVED
+            self.failed[key], self._lost[key] = why, target
             if self._node_of(target) is None:
                 self.meet.remove(target)
         return None
+
+    def _judge(self, key: int, q: np.ndarray) -> str | None:
+        """Take a configuration at a target; return why it is none, None if it is."""
+        why = goal_trouble(self.planner.static, q)
+        if why is not None:
+            self._refused.setdefault(key, []).append(q)
+        elif not self._is_new(key, q):
+            why = "it is known"
+        else:
+            self._exact.setdefault(key, []).append(Goal(key, q, EXACT))
+        return why
 
     def _is_new(self, key: int, q: np.ndarray) -> bool:
         robot = self.planner.robot

@@ -222,6 +222,7 @@ def test_cells_asked_by_key_are_worth_what_the_full_grid_says(meet_of, rng):
 def test_removed_targets_stay_out_until_restored(meet_of, rng):
     meet = meet_of(somebody(rng, 0.7))
     before, n = answer(meet.best(12)), len(meet)
+    first = meet.best(1)[0]
     out = []
     for _ in range(8):
         target = meet.best(1)[0]
@@ -232,6 +233,10 @@ def test_removed_targets_stay_out_until_restored(meet_of, rng):
     meet.update(meet.human.looking([1.0, 0.0, 0.0]))
     assert not set(out) & {t.key for t in meet.best(20)}
     meet.update(replace(meet.human, gaze=None))
+    meet.restore([first])
+    assert first.key in {t.key for t in meet.best(1)} and len(meet) == n - 7
+    with pytest.raises(BadInput, match="no cell of this workspace has the key -3"):
+        meet.restore([replace(first, key=-3)])
     meet.restore()
     assert len(meet) == n
 

@@ -112,6 +112,30 @@ def test_no_target_is_pursued_that_an_arm_would_reach_through_a_board(
 
 
 @pytest.mark.parametrize("rank_budget", [0, 200])
+def test_targets_in_a_crate_are_back_when_it_is_gone(
+    cell_map, robot_map, index, rank_budget
+):
+    human = person(0.9)
+    live = live_of(cell_map, robot_map, index, human, rank_budget=rank_budget)
+    best, other = live.meet.best(2)
+    live.meet.remove(other)  # by the user
+    at = np.eye(4)
+    at[:3, 3] = best.T_world_tool[:3, 3]
+    live.planner.scene.add("crate", odm.Box((0.3, 0.3, 0.3)), at)
+    q, pursuits = run(live, start(cell_map), [human] * 90)
+    assert best.key not in {p.key for p in pursuits}
+    assert best.key in live.finder.failed and best.key in live.meet.removed
+    assert live.finder.why_failed.endswith(" would touch crate)")
+    live.planner.scene.remove("crate")
+    q, pursuits = run(live, q, [human] * 60)
+    assert pursuits[-1].key == best.key and other.key in live.meet.removed
+    assert set(live.meet.removed) == {other.key, *live.finder.failed}
+    assert "crate" not in live.finder.why_failed
+    live.finder.forget()
+    assert live.meet.removed.tolist() == [other.key]
+
+
+@pytest.mark.parametrize("rank_budget", [0, 200])
 def test_targets_that_nobody_can_take_leave_room_for_as_many_others(
     cell_map, robot_map, index, rank_budget
 ):
