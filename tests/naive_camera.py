@@ -39,46 +39,74 @@ def lone_holes(image) -> np.ndarray:
     return lone
 
 
+def seen_parts(camera: DepthCamera, corners, noise=0.0) -> tuple:
+    """Return which pixels tell of cubes with these corners (n, 8, 3).
+
+    For each the first and last row and column (n, 4), those beyond the image left out;
+    whether that is all of them; and the reading that they must exceed. A cube too near
+    to be looked at has no pixels.
+    """
+    T = np.linalg.inv(camera.T_base_camera)
+    kappa = 1.0 / min(camera.fx, camera.fy)
+    p = corners @ T[:3, :3].T + T[:3, 3]
+    deep, seen = p[..., 2].max(axis=1), p[..., 2].min(axis=1) >= 0.02
+    parts, whole = np.zeros((len(p), 4), int), seen.copy()
+    for k, f, c, n in (
+        (1, camera.fy, camera.cy, camera.height),
+        (0, camera.fx, camera.cx, camera.width),
+    ):
+        slope = (max(abs(c), abs(n - c)) + 2) / f
+        pad = 1.0 + f * kappa * np.hypot(1, slope) / (1 - 2 * kappa)
+        at = f * p[seen, :, k] / p[seen, :, 2] + c
+        first = np.ceil(at.min(axis=1) - pad)
+        last = np.floor(at.max(axis=1) + pad)
+        whole[seen] &= (first >= 0) & (last < n)
+        column = 2 * (1 - k)
+        parts[seen, column] = np.clip(first, 0, n)
+        parts[seen, column + 1] = np.clip(last, -1, n - 1)
+    parts[~seen] = 0, -1, 0, -1
+    return parts, whole, (deep / (1 - kappa) + noise) / camera.scale
+
+
+def near_readings(image) -> np.ndarray:
+    """Return the readings as they speak for cubes: where there is none, 0."""
+    near = np.where(is_valid(image), image, 0).astype(float)
+    near[lone_holes(image)] = 65535.0
+    return near
+
+
+def are_seen_free(camera: DepthCamera, image, corners) -> np.ndarray:
+    """Return which cubes with these corners (n, 8, 3) are seen to be free."""
+    near, free = near_readings(image), np.zeros(len(corners), bool)
+    rows = zip(*seen_parts(camera, corners), strict=True)
+    for k, ((top, bottom, left, right), whole, limit) in enumerate(rows):
+        part = near[top : bottom + 1, left : right + 1]
+        free[k] = whole and part.size > 0 and part.min() > limit
+    return free
+
+
 def cell_states(camera: DepthCamera, image, own, grid, noise=0.0) -> np.ndarray:
     """Return what one camera sees of every cell, by its definition.
 
     A cell is FREE if all readings of pixels as near to the image of its cube as
     the argument of `odm/cameras/_seen.py` asks exceed what lies behind it.
     """
-    T = np.linalg.inv(camera.T_base_camera)
-    kappa = 1.0 / min(camera.fx, camera.fy)
-    pads = []
-    for f, c, n in (
-        (camera.fx, camera.cx, camera.width),
-        (camera.fy, camera.cy, camera.height),
-    ):
-        slope = (max(abs(c), abs(n - c)) + 2) / f
-        pads.append(1.0 + f * kappa * np.hypot(1, slope) / (1 - 2 * kappa))
-    near = np.where(is_valid(image), image, 0).astype(float)
-    near[lone_holes(image)] = 65535.0
+    near = near_readings(image)
     seen = np.where(is_valid(image) & ~own, image, 65535).astype(float)
     cells = np.zeros(tuple(4 * grid.blocks), np.uint8)
-    for cell in np.ndindex(cells.shape):
-        corners = grid.origin + grid.h * (np.array(cell) + CORNERS)
-        p = corners @ T[:3, :3].T + T[:3, 3]
-        if p[:, 2].min() < 0.02:
-            continue
-        u = camera.fx * p[:, 0] / p[:, 2] + camera.cx
-        v = camera.fy * p[:, 1] / p[:, 2] + camera.cy
-        u0, u1 = np.ceil(u.min() - pads[0]), np.floor(u.max() + pads[0])
-        v0, v1 = np.ceil(v.min() - pads[1]), np.floor(v.max() + pads[1])
-        whole = u0 >= 0 and v0 >= 0 and u1 < camera.width and v1 < camera.height
-        part = np.s_[
-            int(max(v0, 0)) : int(max(v1, -1)) + 1,
-            int(max(u0, 0)) : int(max(u1, -1)) + 1,
-        ]
-        limit = (p[:, 2].max() / (1 - kappa) + noise) / camera.scale
-        if near[part].size == 0:
+    at = np.argwhere(cells == 0)
+    corners = grid.origin + grid.h * (at[:, None] + CORNERS)
+    found = np.zeros(len(at), np.uint8)
+    rows = zip(*seen_parts(camera, corners, noise), strict=True)
+    for k, ((top, bottom, left, right), whole, limit) in enumerate(rows):
+        part = np.s_[top : bottom + 1, left : right + 1]
+        if bottom < top or right < left:
             continue
         if whole and near[part].min() > limit:
-            cells[cell] = FREE
+            found[k] = FREE
         elif seen[part].min() <= limit:
-            cells[cell] = SHADOW
+            found[k] = SHADOW
+    cells[tuple(at.T)] = found
     points = camera.points(np.where(own, 0, image).astype(np.uint16))
     found = grid.locate(points)
     found = found[found[:, 0] >= 0]

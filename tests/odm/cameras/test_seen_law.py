@@ -198,6 +198,74 @@ def test_behind_holes_and_beside_the_picture_nothing_is_seen_free(small_map, not
     assert not (found[0] & ~found[1]).any()
 
 
+def corners_in(camera, grid, cells):
+    """Return where the corners of cells (n, 3) are seen: u, v and depth, (n, 8) each."""
+    corners = grid.origin + grid.h * (cells[:, None] + naive.CORNERS)
+    T = np.linalg.inv(camera.T_base_camera)
+    x, y, z = np.moveaxis(corners @ T[:3, :3].T + T[:3, 3], -1, 0)
+    with np.errstate(divide="ignore"):
+        return camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy, z
+
+
+def test_what_reaches_out_of_the_picture_is_never_seen_free(small_map):
+    """As if right beside each edge of it somebody stood before the lens."""
+    camera = camera_at([1.1, 0.1, 0.5], focal=240.0, scale=1e-4)
+    space = odm.SeenSpace(small_map, camera, STILL)
+    space.update(np.full((120, 160), 65534, np.uint16), Q, 0.0)
+    cells = np.argwhere(space.cells() != BEYOND)
+    free = space.cells()[tuple(cells.T)] == FREE
+    u, v, _ = corners_in(camera, small_map.grid, cells)
+    for out in (u < 0, u > 159, v < 0, v > 119):
+        cut = out.any(axis=1) & ~out.all(axis=1)
+        assert cut.sum() > 50 and not free[cut].any()
+    assert free.sum() > 500
+
+
+def test_what_is_farther_than_any_reading_is_never_seen_free(small_map):
+    camera = camera_at([1.1, 0.1, 0.5], scale=1.0 / 65534)  # 1 m at the most
+    space = odm.SeenSpace(small_map, camera, STILL)
+    space.update(np.full((120, 160), 65534, np.uint16), Q, 0.0)
+    cells = np.argwhere(space.cells() == FREE)
+    assert len(cells) > 500
+    assert corners_in(camera, small_map.grid, cells)[2].max() < 1.0
+
+
+def test_a_camera_in_the_midst_of_the_cells_knows_what_it_cannot_see(small_map):
+    """Blocks of cells that reach behind it are looked at cell by cell."""
+    camera = camera_at([0.5, 0.1, 0.5])
+    space = odm.SeenSpace(small_map, camera, STILL)
+    space.update(np.full((120, 160), 1, np.uint16), Q, 0.0)  # covered by a hand
+    cells = np.argwhere(space.cells() != BEYOND)
+    u, v, z = corners_in(camera, small_map.grid, cells)
+    inside = (z > 0.02) & (u > 0) & (u < 159) & (v > 0) & (v < 119)
+    cells = cells[inside.all(axis=1)]
+    blocks, grid = cells // 4 * 4, small_map.grid
+    ends = [corners_in(camera, grid, blocks + 4 * c)[2][:, 0] for c in naive.CORNERS]
+    assert (np.min(ends, axis=0) < 0.0).sum() >= 5  # cells of blocks behind it
+    assert np.isin(space.cells()[tuple(cells.T)], (SHADOW, OCCUPIED)).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_an_eighth_of_a_cell_is_freed_as_a_cell_of_its_size_is(small_map, seed):
+    rng = np.random.default_rng(seed)
+    camera = draw_camera(rng)
+    image = picture(camera, draw_capsules(rng))
+    space = odm.SeenSpace(small_map, camera, STILL)
+    space.update(image, Q, 0.0)
+    room, grid = space._buffers, small_map.grid
+    looked_at = room.unpack(room.blocked) & ~room.unpack(room.closed)
+    cells = np.argwhere(looked_at & ~room.unpack(room.beyond) & (room.eighths != 255))
+    left = room.eighths[tuple(cells.T)]
+    freed = [
+        grid.origin + grid.h * (cell + 0.5 * corner + 0.5 * naive.CORNERS)
+        for cell, mask in zip(cells, left, strict=True)
+        for k, corner in enumerate(naive.CORNERS)
+        if not (mask >> k) & 1
+    ]
+    assert len(freed) > 200
+    assert naive.are_seen_free(camera, image, np.array(freed)).all()
+
+
 def test_a_camera_more_never_frees_what_another_sees_occupied(small_map, rng):
     for _ in range(6):
         cameras = [draw_camera(rng) for _ in range(3)]
