@@ -199,7 +199,7 @@ def test_behind_holes_and_beside_the_picture_nothing_is_seen_free(small_map, not
 
 
 def corners_in(camera, grid, cells):
-    """Return where the corners of cells (n, 3) are seen: u, v and depth, (n, 8) each."""
+    """Return where the corners of cells (n, 3) are seen: u, v, depth, (n, 8) each."""
     corners = grid.origin + grid.h * (cells[:, None] + naive.CORNERS)
     T = np.linalg.inv(camera.T_base_camera)
     x, y, z = np.moveaxis(corners @ T[:3, :3].T + T[:3, 3], -1, 0)
