@@ -330,6 +330,22 @@ def test_a_way_out_reckons_with_who_lately_sped_up_hard(scene):
     assert all(threat.most.min() > 20.0 for threat in told)
 
 
+def test_who_is_left_behind_is_reckoned_with_as_hard_as_they_lately_sped_up(scene):
+    ends = FAR[:, :6].reshape(1, 2, 3)
+    past = tuple((0.01 * k, ends + 5.0 * (0.01 * k) ** 2) for k in range(3))
+    hard = Threat(FAR, PERSON.velocity, PERSON.error, 0.0, ThreatSettings(), past=past)
+    executor, told = scene.executor, []
+
+    def passes(motion, t, begin, stop, threat, closer=0.0, off=0.0):
+        told.append(threat)
+        return closer > 0.0  # it is too near to somebody, and gets away from them
+
+    executor._test.passes = passes
+    executor._test.left_behind = lambda *_: np.ones(1, bool)
+    assert executor._may_go(time_path(executor.robot, OUT), 0.0, hard)
+    assert len(told) > 1 and told[-1].most.min() > 20.0
+
+
 @pytest.mark.parametrize(
     ("off", "gap", "goes"), [(0.0, 0.03, True), (0.0, 0.01, False)]
     + [(0.03, 0.06, True), (0.03, 0.04, False)],
