@@ -22,7 +22,7 @@ from odm.answer import Answer
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.scenery import Scenery
 from odm.planner.planner import ReactivePlanner
-from roadmap.errors import BadConfiguration
+from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.ranges import check_kind, settings_of
 
@@ -126,6 +126,7 @@ class LiveTargets:
         self._best = 0.0
         # of the last ranking, those at which the arm would be in what stands still
         self._in_the_way: set[int] = set()
+        self._world: object = None  # whose base was compared with the workspace's
         self._things: dict | None = None  # the scene's, and their boxes
         self._stands = ClearOf(Scenery())
         self._blocked = 0  # frames without a target that can be reached
@@ -145,7 +146,14 @@ class LiveTargets:
                 `odm.Obstacles`, as of `human.obstacles()`.
             q: (dof,) present configuration [rad or m].
             options: Further arguments of `ReactivePlanner.step`.
+
+        Raises:
+            BadInput: `planner.set_base` puts the base elsewhere than the workspace has
+                it, so that the person and the points are of two worlds.
         """
+        if self.planner.world is not self._world:
+            _check_base(self.planner.world.T_world_base, self.meet)
+            self._world = self.planner.world
         self.look(human, q)
         answer = self.planner.step(points, q=q, **options)
         self.note(answer, q)
@@ -397,3 +405,16 @@ class LiveTargets:
         rated = self.meet.rated(away) if away else []
         both = self._targets | {t.key: t for t in rated if t is not None}
         return [both[key] for key in keys if key in both]
+
+
+def _check_base(T_world_base: np.ndarray, meet: InteractionWorkspace) -> None:
+    """Refuse a planner's base (4, 4) that stands elsewhere than a workspace's."""
+    here, there = T_world_base, meet.settings.T_world_base
+    if np.array_equal(here, np.eye(4)) or np.allclose(here, there, rtol=0, atol=1e-6):
+        return
+    raise BadInput(
+        f"the base stands at {np.round(here[:3, 3], 3)} m by planner.set_base and at "
+        f"{np.round(there[:3, 3], 3)} m by the workspace, or is turned otherwise; give "
+        "MeetSettings the same T_world_base, or call planner.set_base(np.eye(4)) and "
+        "tell the planner all in the base's frame"
+    )

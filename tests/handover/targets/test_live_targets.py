@@ -375,6 +375,26 @@ def test_a_node_serves_only_where_the_person_can_take_the_object(
     assert served
 
 
+def test_a_base_that_stands_elsewhere_than_the_workspace_has_it_is_refused(
+    cell_map, robot_map, index
+):
+    human, T = person(0.9), np.eye(4)
+    T[0, 3] = 0.05
+    live = live_of(cell_map, robot_map, index, human)
+    q, points = start(cell_map), human.surface_points()
+    live.step(human, points, q)
+    live.planner.set_base(T)
+    for _ in range(2):
+        with pytest.raises(BadInput, match="base stands at .* by planner.set_base"):
+            live.step(human, points, q)
+    meet = workspace(robot_map, human, T_world_base=T)
+    there = LiveTargets(live.planner, meet, None, index)
+    there.step(human, points, q)  # both know of it
+    assert there.targets
+    live.planner.set_base(np.eye(4))
+    live.step(human, points, q)
+
+
 def test_the_same_frames_give_the_same_pursuits(cell_map, robot_map, index):
     people = [person(0.9 - 0.002 * k) for k in range(120)]
     runs = []
