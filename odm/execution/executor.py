@@ -27,7 +27,7 @@ from odm.execution.lookout import Lookout, SeparationWatch, StandingWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest, HeldOut, stop_time
-from odm.execution.threat import Moving, SteadyParts, Threat
+from odm.execution.threat import Moving, SteadyParts, Threat, rods_of
 from odm.execution.timed_before import TimedBefore
 from odm.execution.tracking import TrackingMonitor
 from roadmap.arrays import as_floats
@@ -106,6 +106,8 @@ class Executor:
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
+        # a path away from what is in the frame and in no threat, see `clear_of_others`
+        self._clear = getattr(planner, "clear_of_others", None)
         self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
@@ -523,6 +525,8 @@ class Executor:
 
     def _retreat_free(self, motion: Motion, t: float, threat: Moving | None) -> bool:
         """Test a retreat until it can stand: it may come nearer than m, not touch."""
+        if not self._clear_of_others(motion, t, threat):
+            return False
         if threat is None or not self.brakes:
             self.held = None
             return True
@@ -534,6 +538,8 @@ class Executor:
         """Test an evasion until it can stand: by the cover, and else by the shells."""
         if threat is None or not self.brakes:
             return self._retreat_free(motion, t, threat)
+        if not self._clear_of_others(motion, t, threat):
+            return False
         closer = self._closer
         if self._stop_free(motion, t, threat, closer=closer):
             return True
@@ -550,6 +556,14 @@ class Executor:
             return False
         self._hold_ready(stop)
         return True
+
+    def _clear_of_others(self, motion: Motion, t: float, threat: Moving | None) -> bool:
+        """Test a retreat until it can stand against what no threat tells of."""
+        if self._clear is None:
+            return True
+        stop, known = self._stop_behind(motion, t)[1], rods_of(threat)
+        path = motion.path_from(t, stop.length)
+        return bool(self._clear(path, self.off - self._closer, known))
 
     def _begins_here(self, path: np.ndarray) -> bool:
         """Whether a path begins at the set-point: from elsewhere it proves nothing."""

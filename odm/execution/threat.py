@@ -424,6 +424,20 @@ def age_of(age: float | None) -> float:
     return age if age is not None and 0.0 <= age < math.inf else math.inf
 
 
+def rods_of(threat: Moving | None) -> np.ndarray:
+    """Return capsules (k, 7) that hold who is told of, as shown and by now [m].
+
+    None for a cloud: wherever its points are, they may come from there.
+    """
+    shown = [np.zeros((0, 7))]
+    if isinstance(threat, Threat):
+        shown.append(threat.capsules)
+    there, more = ([], math.inf) if threat is None else threat.between(0.0, 0.0)
+    if isinstance(there, Obstacles) and math.isfinite(more):
+        shown += [there.capsules, there.spheres[:, [0, 1, 2, 0, 1, 2, 3]]]
+    return np.concatenate(shown)
+
+
 class Watcher:
     """Follows a person's capsules from frame to frame.
 

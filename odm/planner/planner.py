@@ -29,7 +29,13 @@ from odm.answer import (
 from odm.approach.approach import Approacher
 from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
-from odm.checks import check_configuration, check_numbers, check_points, goals_of
+from odm.checks import (
+    check_configuration,
+    check_numbers,
+    check_path,
+    check_points,
+    goals_of,
+)
 from odm.close_test.static import StaticTest
 from odm.frame.carrying import Carrier
 from odm.frame.frame import Cover, Frame
@@ -1043,6 +1049,34 @@ class ReactivePlanner:
         """
         self.memory.owner.check()
         return self._retreat.evasion(q, coming, speed_scale)
+
+    def clear_of_others(
+        self, path: np.ndarray, extra: float, known: np.ndarray
+    ) -> bool:
+        """Return whether a path away is clear of what else the frame holds.
+
+        For a retreat that is tested against who moves: what is seen beside them is not
+        part of that test. What is too near where the path begins must only not come
+        nearer. False after a frame that could not be used.
+
+        Args:
+            path: (k, dof) corners [rad or m]; a single one is a robot at rest.
+            extra: Distance that is kept beyond rho and m [m]; down to -m.
+            known: (k, 7) capsules [ax ay az bx by bz r], where `step` has its obstacles
+                [m]: what is within one of them is not asked, such as a person whose
+                motion is known. Within one that is not finite there is nothing.
+
+        Raises:
+            BadInput: A path or capsules of another shape.
+        """
+        self.memory.owner.check()
+        path = check_path(self.robot, path)
+        known = as_floats("the capsules that are known", known)
+        if known.ndim != 2 or known.shape[1] != 7:
+            raise BadInput(
+                f"the capsules that are known have shape {known.shape}; give (k, 7)"
+            )
+        return self._retreat.clear_of_others(path, extra, known)
 
     def cover(self) -> Cover:
         """Return the spheres of the map's cover, payload included."""

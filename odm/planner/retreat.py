@@ -1,6 +1,8 @@
 """Backing off and escape: a motion to offer while no path to a goal is free."""
 
+import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +14,18 @@ from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame.frame import Frame
 from odm.frame.link_test import LinkTest
 from odm.obstacles._cloud import N_OCCUPIED
-from odm.obstacles._solids import Solids
-from odm.obstacles.obstacles import Obstacles, SolidRoom, together
+from odm.obstacles._solids import CAPSULE, Solids
+from odm.obstacles.obstacles import Obstacles, SolidRoom, some_of, together
 from odm.planner._retreat import Coming, next_better
 from odm.planner.attaching import Attacher
 from odm.planner.settings import RetreatSettings
 from roadmap.errors import BadInput
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.motion.blended_path import check_scale
 from roadmap.ranges import check_kind, is_between
 
 _LONGEST_S = 1e9  # from now until somebody comes
+_WITHIN = 1e-6  # what sticks out of a capsule by less is in it [m]
 
 
 class Retreat:
@@ -36,6 +40,7 @@ class Retreat:
         self.frame, self.attacher, self.settings = frame, attacher, settings
         self.links = LinkTest(frame)
         self._rooms: list[tuple[SortedCloud, SolidRoom]] = []
+        self._others = SortedCloud(frame.cell_map.grid)
 
     def back_off(self, q: np.ndarray) -> np.ndarray | None:
         """Return a (2, dof) motion from q that gets away from the frame's points.
@@ -126,6 +131,28 @@ class Retreat:
                 if best >= ample:
                     return found
 
+    def clear_of_others(self, path: np.ndarray, extra: float, rods: np.ndarray) -> bool:
+        """Whether a motion away is clear of what the frame holds beside some capsules.
+
+        See `ReactivePlanner.clear_of_others`.
+        """
+        frame = self.frame
+        if frame.trouble is not None or not np.isfinite(path).all():
+            return False
+        if not math.isfinite(extra):
+            return False
+        self._place_anchor(path[0])
+        legs = [(q, frame.difference(q, to)) for q, to in pairwise(path)]
+        legs = legs or [(path[0], np.zeros_like(path[0]))]
+        if all(frame.motion_clear(*leg, more=extra, escape=True) for leg in legs):
+            return True  # mostly nothing is near
+        rods, points = moved_rods(rods, frame.base_world), frame.points[: frame.n_given]
+        balls = np.c_[points, np.zeros(len(points))]
+        cloud, bad = self._others.of_all(points[~_are_within(balls, balls, rods)])
+        solids = some_of(frame.solids, ~_solids_within(frame.solids, rods))
+        test = frame.close_test_with(extra)
+        return not bad and all(test.clear(*leg, cloud, True, solids) for leg in legs)
+
     def _laid_out(
         self, sets: Sequence[np.ndarray | Obstacles]
     ) -> tuple[list[object], Solids, np.ndarray] | None:
@@ -168,6 +195,23 @@ class Retreat:
         dq = np.ascontiguousarray(dq)
         clear = self.frame.motion_clear(q, dq, escape=escape)
         return clear and self.frame.static.motion_free(q, dq)
+
+
+def _are_within(a: np.ndarray, b: np.ndarray, rods: np.ndarray) -> np.ndarray:
+    """Return (n,) whether a capsule of rods (k, 7) holds two balls (n, 4) wholly.
+
+    It then holds all that is between them.
+    """
+    least = [ball_gaps(ball, rods) <= _WITHIN - 2.0 * ball[:, 3:] for ball in (a, b)]
+    return (least[0] & least[1]).any(axis=1)
+
+
+def _solids_within(solids: Solids, rods: np.ndarray) -> np.ndarray:
+    """Return (n,) which solids are capsules that one of rods (k, 7) holds wholly."""
+    n = int(solids.count[0])
+    rows, round_ = solids.rows[:n], solids.kind[:n] == CAPSULE
+    a, b, radius = rows[:, :3], rows[:, :3] + rows[:, 3:6], rows[:, 6]
+    return round_ & _are_within(np.c_[a, radius], np.c_[b, radius], rods)
 
 
 def _check_coming(coming: Sequence[tuple[float, object]]) -> None:

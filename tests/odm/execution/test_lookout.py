@@ -8,7 +8,13 @@ import odm
 from odm.exact.distances import ExactRobot
 from odm.execution.executor import RETREATING, Executor
 from odm.execution.settings import ExecutionSettings
-from odm.execution.threat import Threat, ThreatSettings, Watcher
+from odm.execution.threat import (
+    CloudThreat,
+    Threat,
+    ThreatSettings,
+    Watcher,
+    rods_of,
+)
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.transforms import pose_of
 
@@ -29,10 +35,12 @@ class Scene:
         self.watcher = Watcher()
         self.gaps, self.states, self.speeds = [], [], []
 
-    def frame(self, p, known=True):
+    def frame(self, p, known=True, also=None):
+        """Play a frame beside the ball, and beside what no threat tells of."""
         capsule = np.array([[*p, *p, 0.05]])
         commit = self.executor.commit()
-        answer = self.planner.step(odm.Obstacles(capsules=capsule), q=commit.q)
+        obstacles = odm.Obstacles(capsules=capsule, **(also or {}))
+        answer = self.planner.step(obstacles, q=commit.q)
         threat = self.watcher.look(capsule, PERIOD * len(self.gaps))
         if not known:
             lost = np.array([np.inf])
@@ -82,6 +90,75 @@ def test_what_is_put_in_the_way_of_an_evasion_ends_it(small_map):
         if len(planner.scene):
             gaps.append(exact.distance(q, [standing]).distance)
     assert gaps[0] > 0.1 and min(gaps) > small_map.safety.m
+
+
+@pytest.mark.parametrize("kind", ["boxes", "spheres", "points"])
+def test_what_the_frame_shows_in_the_way_of_an_evasion_ends_it(small_map, kind):
+    scene, standing, also, gaps = Scene(small_map), None, {}, []
+    executor, exact = scene.executor, ExactRobot(small_map.robot)
+    tool = tool_of(scene.planner, WAITS)
+    for k in range(266):
+        scene.frame(tool + np.array([0.8 - 0.3 * k * PERIOD, 0.0, 0.0]), also=also)
+        if scene.states[-1] == RETREATING and standing is None:
+            there = pose_of(tool_of(scene.planner, executor.motion.q_end), np.zeros(3))
+            standing = odm.Box(np.full(3, 0.04), there)
+            if kind == "spheres":
+                standing = odm.Sphere(0.02, there)
+            also = {
+                "boxes": {"boxes": [[*there[:3].ravel(), 0.04, 0.04, 0.04]]},
+                "spheres": {"spheres": [[*there[:3, 3], 0.02]]},
+                "points": {"points": odm.surface_of(standing, 0.02).points},
+            }[kind]
+            also = {name: np.array(rows) for name, rows in also.items()}
+        if standing is not None:
+            gaps.append(exact.distance(executor.set_point.q, [standing]).distance)
+    assert gaps[0] > 0.1 and min(gaps) > 0.0045  # `yield_gap`, less the tracking
+
+
+def test_what_else_is_in_the_frame_is_what_no_capsule_that_is_known_holds(small_map):
+    planner = odm.ReactivePlanner(small_map)
+    q, end = WAITS, WAITS + [0.6, 0.0, 0.0]
+    way, here, free = np.stack([q, end]), tool_of(planner, q), np.zeros((0, 7))
+    there, T = tool_of(planner, end), pose_of([0.3, -0.2, 0.5], [0.4, 0.0, 2.0])
+    planner.set_base(T)
+    at, away = (T[:3, :3] @ p + T[:3, 3] for p in (there, 2.0 * there - here))
+    ball = np.array([[*at, *away, 0.03]])  # in its way
+    within = np.append(ball[0, :6], 0.04)[None]
+    half = np.array([[*at, *at, 0.03]])  # holds one end of it
+    points = odm.sample_capsules(ball, 0.02)
+    for seen in (odm.Obstacles(capsules=ball), odm.Obstacles(points=points)):
+        planner.step(seen, q=q)
+        assert not planner.clear_of_others(way, 0.0, free)
+        assert not planner.clear_of_others(way, 0.0, half)
+        assert not planner.clear_of_others(way, 0.0, half * np.nan)
+        assert planner.clear_of_others(way, 0.0, within)
+        assert not planner.clear_of_others(way[::-1], 0.0, half)
+        assert planner.clear_of_others(np.stack([q, 2 * q - end]), 0.0, free)
+    planner.step(odm.Obstacles(capsules=ball, spheres=[[*at, 0.02]]), q=q)
+    assert not planner.clear_of_others(way, 0.0, half[:0])
+    assert planner.clear_of_others(way, 0.0, within)
+    box = odm.Obstacles(
+        capsules=ball, boxes=[[*pose_of(at, T[0])[:3].ravel(), *[0.04] * 3]]
+    )
+    planner.step(box, q=q)
+    assert not planner.clear_of_others(way, 0.0, within)  # no capsule
+    planner.step(odm.Obstacles(capsules=1), q=q)
+    assert not planner.clear_of_others(way, 0.0, within)  # it could not be used
+    with pytest.raises(odm.BadInput, match="capsules that are known"):
+        planner.clear_of_others(way, 0.0, at)
+
+
+def test_who_is_told_of_is_known_where_they_were_seen_and_are_by_now():
+    rods, rates = np.array([[0.5, 0, 0.5, 0.5, 0, 0.8, 0.05]]), np.zeros((1, 2, 3))
+    rates[..., 0] = 1.0
+    seen = Threat(rods, rates, np.zeros(1), 0.1, ThreatSettings())
+    known = rods_of(seen)
+    assert np.array_equal(known[0], rods[0]) and known[1, 0] == pytest.approx(0.6)
+    assert known[1, 6] >= 0.05
+    lost = Threat(rods, rates, np.zeros(1), None, ThreatSettings())
+    assert np.array_equal(rods_of(lost), rods)
+    assert not len(rods_of(None))
+    assert not len(rods_of(CloudThreat(rods[:, :3], 0.0, ThreatSettings())))
 
 
 def test_one_that_does_not_look_is_touched(small_map):
