@@ -132,7 +132,6 @@ def test_what_else_is_in_the_frame_is_what_no_capsule_that_is_known_holds(small_
         assert not planner.clear_of_others(way, 0.0, half)
         assert not planner.clear_of_others(way, 0.0, half * np.nan)
         assert planner.clear_of_others(way, 0.0, within)
-        assert not planner.clear_of_others(way[::-1], 0.0, half)
         assert planner.clear_of_others(np.stack([q, 2 * q - end]), 0.0, free)
     planner.step(odm.Obstacles(capsules=ball, spheres=[[*at, 0.02]]), q=q)
     assert not planner.clear_of_others(way, 0.0, half[:0])
