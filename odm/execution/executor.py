@@ -106,8 +106,6 @@ class Executor:
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
-        # a path away from what is in the frame and in no threat, see `clear_of_others`
-        self._clear = getattr(planner, "clear_of_others", None)
         self._shells, self._timed = ShellTest(planner), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
@@ -258,7 +256,8 @@ class Executor:
             answer: The planner's answer.
             commit: From `commit`, in this frame.
             threat: Where the person can be; None where nobody is about. A retreat is
-                tested against this, and against what stands still, alone.
+                tested against this, what stands still, and what else the frame shows
+                where it is now.
         """
         if self.quick and isinstance(threat, Threat):
             threat = threat.as_so_far()
@@ -559,11 +558,12 @@ class Executor:
 
     def _clear_of_others(self, motion: Motion, t: float, threat: Moving | None) -> bool:
         """Test a retreat until it can stand against what no threat tells of."""
-        if self._clear is None:
+        is_clear = getattr(self.planner, "clear_of_others", None)
+        if is_clear is None:
             return True
-        stop, known = self._stop_behind(motion, t)[1], rods_of(threat)
+        stop = self._stop_behind(motion, t)[1]
         path = motion.path_from(t, stop.length)
-        return bool(self._clear(path, self.off - self._closer, known))
+        return bool(is_clear(path, self.off - self._closer, rods_of(threat)))
 
     def _begins_here(self, path: np.ndarray) -> bool:
         """Whether a path begins at the set-point: from elsewhere it proves nothing."""

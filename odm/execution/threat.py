@@ -432,9 +432,10 @@ def rods_of(threat: Moving | None) -> np.ndarray:
     shown = [np.zeros((0, 7))]
     if isinstance(threat, Threat):
         shown.append(threat.capsules)
-    there, more = ([], math.inf) if threat is None else threat.between(0.0, 0.0)
-    if isinstance(there, Obstacles) and math.isfinite(more):
-        shown += [there.capsules, there.spheres[:, [0, 1, 2, 0, 1, 2, 3]]]
+    if threat is not None:
+        there, more = threat.between(0.0, 0.0)
+        if isinstance(there, Obstacles) and math.isfinite(more):
+            shown += [there.capsules, there.spheres[:, [0, 1, 2, 0, 1, 2, 3]]]
     return np.concatenate(shown)
 
 

@@ -66,28 +66,33 @@ class CoverWorld(AbstractContextManager):
         depth = np.full(shape, camera.far)
         pixels, distance = camera.project(self._balls[:, :3])
         radii = self._balls[:, 3] * camera.pixels_per_metre(distance)
-        for ball, middle, far, radius in zip(
-            self._balls, pixels, distance, radii, strict=True
-        ):
-            _draw_ball(colour, depth, (middle, radius, far), ball)
+        discs = np.column_stack([pixels, radii, distance]).tolist()
+        # the nearest first: of most others nothing is seen then, and nothing is painted
+        for k in np.argsort(distance - self._balls[:, 3], kind="stable"):
+            _draw_ball(colour, depth, discs[k], self._balls[k])
         return colour, depth, depth >= camera.far
 
 
-def _draw_ball(colour: np.ndarray, depth: np.ndarray, disc: tuple, ball: np.ndarray):
-    (u, v), radius, far = disc
+def _draw_ball(colour: np.ndarray, depth: np.ndarray, disc: list, ball: np.ndarray):
+    u, v, radius, far = disc
     top, left = max(int(v - radius), 0), max(int(u - radius), 0)
-    bottom, right = int(v + radius) + 2, int(u + radius) + 2
-    window = np.s_[top:bottom, left:right]
-    height, width = depth[window].shape
-    y = (v - np.arange(top, top + height)[:, None]) / radius
-    x = (np.arange(left, left + width)[None, :] - u) / radius
-    z2 = 1.0 - x * x - y * y
+    window = np.s_[top : int(v + radius) + 2, left : int(u + radius) + 2]
+    behind = depth[window]
+    height, width = behind.shape
+    y = (v - np.arange(top, top + height)) / radius
+    x = (np.arange(left, left + width) - u) / radius
+    z2 = 1.0 - x * x - (y * y)[:, None]
     z = np.sqrt(np.maximum(z2, 0.0))
-    seen = (z2 > 0) & (far - ball[3] * z < depth[window])
-    shade = 0.66 + 0.36 * np.maximum(x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2], 0)
-    paint = np.minimum(255 * ball[4:7] * shade[..., None], 255).astype(np.uint8)
-    colour[window][seen] = paint[seen]
-    depth[window][seen] = (far - ball[3] * z)[seen]
+    at = far - ball[3] * z
+    seen = (z2 > 0) & (at < behind)
+    rows, columns = seen.nonzero()
+    if not len(rows):
+        return
+    towards = x[columns] * LIGHT[0] + y[rows] * LIGHT[1] + z[seen] * LIGHT[2]
+    shade = 0.66 + 0.36 * np.maximum(towards, 0)
+    paint = np.minimum(255 * ball[4:7] * shade[:, None], 255)
+    colour[window][seen] = paint.astype(np.uint8)
+    behind[seen] = at[seen]
 
 
 def open_world(

@@ -15,6 +15,7 @@ from odm.execution.threat import (
     Watcher,
     rods_of,
 )
+from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 from roadmap.transforms import pose_of
 
@@ -136,14 +137,12 @@ def test_what_else_is_in_the_frame_is_what_no_capsule_that_is_known_holds(small_
     planner.step(odm.Obstacles(capsules=ball, spheres=[[*at, 0.02]]), q=q)
     assert not planner.clear_of_others(way, 0.0, half[:0])
     assert planner.clear_of_others(way, 0.0, within)
-    box = odm.Obstacles(
-        capsules=ball, boxes=[[*pose_of(at, T[0])[:3].ravel(), *[0.04] * 3]]
-    )
-    planner.step(box, q=q)
+    box = [*pose_of(at)[:3].ravel(), 0.04, 0.04, 0.04]
+    planner.step(odm.Obstacles(capsules=ball, boxes=[box]), q=q)
     assert not planner.clear_of_others(way, 0.0, within)  # no capsule
-    planner.step(odm.Obstacles(capsules=1), q=q)
+    assert planner.step(odm.Obstacles(capsules=ball * np.nan), q=q).reason
     assert not planner.clear_of_others(way, 0.0, within)  # it could not be used
-    with pytest.raises(odm.BadInput, match="capsules that are known"):
+    with pytest.raises(BadInput, match="capsules that are known"):
         planner.clear_of_others(way, 0.0, at)
 
 
