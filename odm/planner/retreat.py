@@ -147,8 +147,8 @@ class Retreat:
         if all(frame.motion_clear(*leg, more=extra, escape=True) for leg in legs):
             return True  # mostly nothing is near
         rods, points = moved_rods(rods, frame.base_world), frame.points[: frame.n_given]
-        balls = np.c_[points, np.zeros(len(points))]
-        cloud, bad = self._others.of_all(points[~_are_within(balls, balls, rods)])
+        rods = rods[np.isfinite(rods).all(axis=1)]
+        cloud, bad = self._others.of_all(points[~_points_within(points, rods)])
         solids = some_of(frame.solids, ~_solids_within(frame.solids, rods))
         test = frame.close_test_with(extra)
         return not bad and all(test.clear(*leg, cloud, True, solids) for leg in legs)
@@ -197,21 +197,31 @@ class Retreat:
         return clear and self.frame.static.motion_free(q, dq)
 
 
-def _are_within(a: np.ndarray, b: np.ndarray, rods: np.ndarray) -> np.ndarray:
-    """Return (n,) whether a capsule of rods (k, 7) holds two balls (n, 4) wholly.
-
-    It then holds all that is between them.
-    """
-    least = [ball_gaps(ball, rods) <= _WITHIN - 2.0 * ball[:, 3:] for ball in (a, b)]
-    return (least[0] & least[1]).any(axis=1)
+def _points_within(points: np.ndarray, rods: np.ndarray) -> np.ndarray:
+    """Return (n,) which points (n, 3) a capsule of rods (k, 7) holds."""
+    within = np.zeros(len(points), bool)
+    if len(rods):
+        grown = rods[:, 6:] + _WITHIN
+        low = (np.minimum(rods[:, :3], rods[:, 3:6]) - grown).min(axis=0)
+        high = (np.maximum(rods[:, :3], rods[:, 3:6]) + grown).max(axis=0)
+        # of a camera's points most are elsewhere
+        (some,) = ((points >= low) & (points <= high)).all(axis=1).nonzero()
+        balls = np.c_[points[some], np.zeros(len(some))]
+        within[some] = (ball_gaps(balls, rods) <= _WITHIN).any(axis=1)
+    return within
 
 
 def _solids_within(solids: Solids, rods: np.ndarray) -> np.ndarray:
-    """Return (n,) which solids are capsules that one of rods (k, 7) holds wholly."""
+    """Return (n,) which solids are capsules that one of rods (k, 7) holds wholly.
+
+    It does if it holds the balls at both ends: then all between them, too.
+    """
     n = int(solids.count[0])
     rows, round_ = solids.rows[:n], solids.kind[:n] == CAPSULE
-    a, b, radius = rows[:, :3], rows[:, :3] + rows[:, 3:6], rows[:, 6]
-    return round_ & _are_within(np.c_[a, radius], np.c_[b, radius], rods)
+    a, radius = rows[:, :3], rows[:, 6:7]
+    ends = np.c_[a, radius], np.c_[a + rows[:, 3:6], radius]
+    held = [ball_gaps(end, rods) <= _WITHIN - 2.0 * radius for end in ends]
+    return round_ & (held[0] & held[1]).any(axis=1)
 
 
 def _check_coming(coming: Sequence[tuple[float, object]]) -> None:

@@ -127,11 +127,14 @@ def test_what_else_is_in_the_frame_is_what_no_capsule_that_is_known_holds(small_
     within = np.append(ball[0, :6], 0.04)[None]
     half = np.array([[*at, *at, 0.03]])  # holds one end of it
     points = odm.sample_capsules(ball, 0.02)
+    far = np.ones((2, 3)) * [[-3.0], [3.0]]
+    around = np.c_[far, far, [0.01, 0.01]]  # on either side, and not there
     for seen in (odm.Obstacles(capsules=ball), odm.Obstacles(points=points)):
         planner.step(seen, q=q)
         assert not planner.clear_of_others(way, 0.0, free)
         assert not planner.clear_of_others(way, 0.0, half)
         assert not planner.clear_of_others(way, 0.0, half * np.nan)
+        assert not planner.clear_of_others(way, 0.0, around)
         assert planner.clear_of_others(way, 0.0, within)
         assert planner.clear_of_others(np.stack([q, 2 * q - end]), 0.0, free)
     planner.step(odm.Obstacles(capsules=ball, spheres=[[*at, 0.02]]), q=q)
