@@ -1,6 +1,7 @@
 """Vicon's exported tracks (.csv): places of rigid bodies or markers, with gaps."""
 
 import csv
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from roadmap.ranges import is_number
 from sim.people.mocap.tracks import UNITS, BadMocap, Tracks, number
 
 HEADER = ("Objects", "Segments", "Trajectories", "Model Outputs")  # of the first line
+_LAST_FRAME = 2**53  # whole numbers up to here are told apart
 
 
 def parse_csv(text: str, source: str) -> Tracks:
@@ -20,7 +22,7 @@ def parse_csv(text: str, source: str) -> Tracks:
     Raises:
         BadMocap: A line is missing, cut off or not numeric, a rate of 0, no frames.
     """
-    rows = list(csv.reader(text.splitlines()))
+    rows = _rows(text, source)
     if len(rows) < 5:
         raise BadMocap(
             f"{source} ends after line {len(rows)}; a Vicon .csv has five lines of "
@@ -41,11 +43,18 @@ def parse_csv(text: str, source: str) -> Tracks:
     return Tracks(source, rate, places, scale, "z")
 
 
+def _rows(text: str, source: str) -> list[list[str]]:
+    try:
+        return list(csv.reader(text.splitlines()))
+    except csv.Error as error:  # such as a quotation mark that is never closed
+        raise BadMocap(f"{source} is no .csv: {error}; export it anew") from None
+
+
 def _columns(names: list[str], axes: list[str], source: str) -> dict[str, int]:
     """Return body -> column of its x place."""
     starts = [i for i, name in enumerate(names) if name.strip()]
-    columns = {}
-    for i, stop in zip(starts, [*starts[1:], len(axes)], strict=True):
+    columns: dict[str, int] = {}
+    for i, stop in pairwise([*starts, len(axes)]):
         block = [axis.strip().upper() for axis in axes[i:stop]]
         for wanted in (["TX", "TY", "TZ"], ["X", "Y", "Z"]):
             if wanted[0] in block:
@@ -106,7 +115,8 @@ def _data(
                 "number; an empty cell is a gap"
             ) from None
         frame = values[0]
-        if not frame.is_integer() or (frames and frame <= frames[-1]):
+        rises = not frames or frame > frames[-1]
+        if not (frame.is_integer() and abs(frame) < _LAST_FRAME and rises):
             raise BadMocap(
                 f"line {line} of {source} is frame {row[0]!r} after "
                 f"{frames[-1] if frames else 'the header'}; frame numbers must rise"

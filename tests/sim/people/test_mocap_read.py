@@ -119,6 +119,23 @@ def test_csv_cut_off_in_a_line_or_in_its_header_is_refused(tmp_path):
         read_tracks(path)
 
 
+@pytest.mark.parametrize(
+    "line, written, words",
+    [
+        (2, "", "names no body in line 3"),
+        (5, "1e300,0" + ",0" * 54, "frame '1e300' after the header; frame numbers"),
+        (5, '1,0,"' + "," * 140_000, "is no .csv: field larger than field limit"),
+    ],
+)
+def test_csv_with_a_line_of_something_else_is_refused(tmp_path, line, written, words):
+    path = write_csv(tmp_path / "a.csv", person(3))
+    lines = path.read_text(encoding="utf-8").split("\n")
+    lines[line:] = [written, *lines[line + 1 :][: 5 - line]]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(BadMocap, match=words):
+        read_tracks(path)
+
+
 def test_csv_without_positions_is_refused(tmp_path):
     path = write_csv(tmp_path / "a.csv", person(3))
     text = path.read_text(encoding="utf-8").replace("TX,TY,TZ", "A,B,C")
