@@ -109,7 +109,7 @@ def check_pose(pose: np.ndarray, name: str) -> np.ndarray:
         raise BadInput(f"{name} has shape {pose.shape}; give a (4, 4) pose")
     if not np.isfinite(pose).all():
         raise BadInput(f"{name} holds NaN or infinity; give finite numbers")
-    rotation = pose[:3, :3]
+    rotation = np.clip(pose[:3, :3], -2.0, 2.0)  # no overflow below
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     rigid = off < 1e-6 and np.linalg.det(rotation) > 0
     if not rigid or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-9:

@@ -108,7 +108,7 @@ class Agent:
         Raises:
             BadInput: It has none of that name; lists them.
         """
-        if name not in self.postures:
+        if not isinstance(name, str) or name not in self.postures:
             raise BadInput(
                 f"{self.name} has no posture {name!r}; give one of "
                 f"{', '.join(self.postures)}"

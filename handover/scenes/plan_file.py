@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from handover.scenes.plan_form import check_form
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from roadmap.arrays import as_floats
 from roadmap.builds.unfinished import put_file
 from roadmap.errors import BadInput
 
@@ -122,6 +124,7 @@ def check_record(record: Mapping) -> None:
             f"this is no {FORMAT} of version {VERSION} ({what}); make one with "
             "`odm handover plan SCENE --out plan.json`"
         )
+    check_form(record)
     end = 0.0
     for who in WHO:
         end = max(end, _check_motions(record, who))
@@ -187,9 +190,11 @@ def _check_motions(record: Mapping, who: str) -> float:
             )
         if motion["who"] != who:
             continue
-        name, times = motion["name"], np.array(motion["times"], float)
-        rows = np.array(motion["positions"], float)
-        if rows.shape != (len(times), len(motion["joints"])) or len(times) < 1:
+        name = motion["name"]
+        times = as_floats(f"times of {name}", motion["times"])
+        rows = as_floats(f"positions of {name}", motion["positions"])
+        wanted = (*times.shape, len(motion["joints"]))
+        if rows.shape != wanted or rows.ndim != 2 or not len(rows):
             raise BadInput(
                 f"{name} has {len(times)} times and positions of shape {rows.shape} "
                 f"for {len(motion['joints'])} joints; give a row for each time"
@@ -249,7 +254,19 @@ def _shape(shape: Shape) -> dict:
 
 
 def read_shape(entry: Mapping) -> Shape:
-    """Return a shape of a plan's record, at its pose."""
-    kind = _SHAPES[entry["type"]]
+    """Return a shape of a plan's record, at its pose.
+
+    Raises:
+        BadInput: No such type, a size that is missing or wrong.
+    """
+    kind = _SHAPES.get(entry["type"])
+    if kind is None:
+        raise BadInput(
+            f"a plan has no shape of type {entry['type']!r}; give one of "
+            f"{', '.join(_SHAPES)}"
+        )
     *names, _ = (f.name for f in fields(kind))  # the last one is the pose
+    for name in names:
+        if name not in entry:
+            raise BadInput(f"a {entry['type']} of the plan lacks {name!r}; add it")
     return kind(*(entry[name] for name in names), entry["pose"])

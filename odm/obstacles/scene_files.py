@@ -240,7 +240,7 @@ def _moveit_pose(words: _Words) -> np.ndarray:
 
     position = words.numbers(3, "a position")
     turn = np.array(words.numbers(4, "a quaternion"))
-    if not 0.9 < np.linalg.norm(turn) < 1.1:
+    if not 0.9 < math.hypot(*turn) < 1.1:
         raise words.wrong(f"has the quaternion {turn.tolist()}, which is no rotation")
     return pose_with(Rotation.from_quat(turn).as_matrix(), position)
 

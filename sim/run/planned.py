@@ -39,13 +39,7 @@ class PlanTask:
 
     def __init__(self, request: RunRequest) -> None:
         self.request = request
-        try:
-            self.record = read_plan(request.plan)
-        except KeyError as error:
-            raise BadInput(
-                f"the plan {request.plan} lacks {error}; make it again with `odm "
-                "handover plan SCENE --json FILE`"
-            ) from error
+        self.record = read_plan(request.plan)
 
     def person(self) -> PlannedReceiver:
         """Return the receiver."""

@@ -63,10 +63,15 @@ class PlayedPlan:
 
 
 def read_played(path: str | Path) -> PlayedPlan:
-    """Read a plan and the agents that it names."""
+    """Read a plan and the agents that it names.
+
+    Raises:
+        BadInput: No plan, an entry that playing it needs is missing or wrong, a URDF
+            that is not there, or joints and links that it does not have.
+    """
     record = read_plan(path)
     try:
-        agents = [_planned_agent(record[who]) for who in WHO]
+        agents = [_planned_agent(record, who) for who in WHO]
         named = [(e["name"], read_shape(e)) for e in record["scenery"]]
         played = PlayedPlan(record, *agents, tuple(Fixture(*each) for each in named))
         played.object_shapes(np.eye(4))
@@ -79,14 +84,25 @@ def read_played(path: str | Path) -> PlayedPlan:
     return played
 
 
-def _planned_agent(agent: Mapping) -> PlannedAgent:
+def _planned_agent(record: Mapping, who: str) -> PlannedAgent:
+    agent = record[who]
     file = Path(agent["urdf"])
     if not file.is_file():
         raise BadInput(
             f"the URDF {file} of the plan's {agent['name']} is not there; put it there "
             "or make the plan again"
         )
-    return PlannedAgent(agent_body(str(file)), np.array(agent["T_world_base"], float))
+    body = agent_body(str(file))
+    links = [hold["link"] for hold in record["holds"] if hold["who"] == who]
+    for kind, named, there in (
+        ("joint", agent["joints"], body.joints),
+        ("link", links, body.links),
+    ):
+        for name in set(named) - set(there):
+            raise BadInput(f"{file} has no {kind} {name!r} of the plan; correct one")
+    for name in set(body.joints) - set(agent["joints"]):
+        raise BadInput(f"the plan's {agent['name']} lacks joint {name!r}; add it")
+    return PlannedAgent(body, np.array(agent["T_world_base"], float))
 
 
 def show_played(told: dict) -> None:

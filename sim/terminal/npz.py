@@ -55,7 +55,8 @@ def read_members(path: Path) -> dict[str, bytes]:
     except (OSError, *Damage) as error:
         if isinstance(error, OSError) and error.errno != errno.EINVAL:
             raise  # that one is of a place before the file's beginning: bytes are gone
-        raise ValueError(str(error) or type(error).__name__) from error
+        # a damaged archive's names may be as long as its members
+        raise ValueError(str(error)[:200] or type(error).__name__) from error
 
 
 def array_of(data: bytes) -> np.ndarray:

@@ -195,6 +195,7 @@ def test_scenery_that_is_wrong_says_where(tmp_path, table, told):
         ('agent = "crichton"', 'agent = "crichtom"', "did you mean 'crichton'"),
         ('name = "cup"', 'name = "cupp"', "no object 'cupp'"),
         ('posture = "standing"', 'posture = "flying"', "no posture 'flying'"),
+        ('posture = "standing"', "posture = [1]", r"no posture \[1\]"),
         ('use = ["left"]', 'use = ["third"]', "third"),
         ("held = true", "hold = true", "no key 'hold'"),
         ('use = ["left"]', 'use = "left"', "is 'left'; write a list of arms"),

@@ -196,6 +196,7 @@ def test_a_mesh_of_a_urdf_is_read_beside_it(tmp_path):
         (OLD.replace("0.05", "-1"), "holds a shape that cannot be: radius -1"),
         (OLD.replace("cylinder", "torus"), "has a shape 'torus'; known are box"),
         (OLD.replace("0 0 0 1", "0 0 0 3"), "which is no rotation"),
+        (OLD.replace("0 0 0 1", "0 0 0 1e300"), "which is no rotation"),
         (OLD.replace("0 0 1 0.25", "0 0 0 1"), "is no direction"),
         (OLD.replace("* post", "* "), "an object without a name"),
         (OLD.replace("* post", "post"), "has 'post' where"),

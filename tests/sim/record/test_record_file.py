@@ -44,6 +44,10 @@ def test_a_file_that_lost_bytes_on_its_way_is_known_for_what_it_is(file, tmp_pat
     part.write_bytes(whole[:100] + whole[120:])
     with pytest.raises(BadRecord, match="truncated or damaged"):
         read_record(part)
+    part.write_bytes(whole[:26] + b"\xff\x0f" + whole[28:])  # length of a name
+    with pytest.raises(BadRecord, match="truncated or damaged") as caught:
+        read_record(part)
+    assert len(str(caught.value)) < 400 + len(str(part))
 
 
 def test_a_flipped_byte_is_found(file, tmp_path):

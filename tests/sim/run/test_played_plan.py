@@ -1,6 +1,7 @@
 """`odm replay plan.json`: a hand-over plan is played from its file alone."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from planned import plan_by_hand
 from small import HOME
 
 from handover.scenes.plan_file import object_at, write_plan
+from roadmap.errors import BadInput
 from sim.run import handover_film
 from sim.run.played_plan import read_played
 
@@ -82,6 +84,50 @@ def test_what_cannot_be_played_is_refused(odm, record, tmp_path, change, words, 
     plan.write_text(json.dumps(record))
     code, _, err = odm("replay", plan, *words)
     assert code == 2 and one_sentence(err) and told in err
+
+
+@pytest.mark.parametrize(
+    "at, value, told",
+    [
+        (("motions",), None, "the plan lacks 'motions'"),
+        (("holds",), 3, "holds of the plan is 3; give a list"),
+        (("motions", 0), "x", "number 0 of motions of the plan is 'x'; give its name"),
+        (("motions", 0, "who"), None, "lacks 'who'"),
+        (("motions", 0, "joints"), "bend", "is 'bend'; give a list of texts"),
+        (("motions", 0, "times", 0), "x", "must be an array of real numbers"),
+        (("motions", 0, "times"), [[0.0], [1.0]], "give a row for each time"),
+        (("motions", 0, "positions", 0), [], "all rows of the same length"),
+        (("giver", "joints", "bend"), "0.3", "give joints, each with a finite number"),
+        (("giver", "joints", "bent"), 0.3, "has no joint 'bent'"),
+        (("receiver", "joints", "left_knee"), None, "lacks joint 'left_knee'"),
+        (("giver", "T_world_base"), [1.0], "has shape (1,); give a (4, 4) pose"),
+        (("giver", "T_world_base", 0, 0), 1e300, "is not a rigid motion"),
+        (("holds", 0, "begin"), None, "lacks 'begin'"),
+        (("holds", 0, "begin"), True, "is True; give a finite number"),
+        (("holds", 1, "end"), "never", "give a finite number or null"),
+        (("holds", 1, "link"), "toes", "has no link 'toes'"),
+        (("scenery", 0, "type"), "cone", "no shape of type 'cone'"),
+        (("scenery", 0, "size"), None, "lacks 'size'"),
+        (("object", "parts"), {}, "is {}; give a list"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_a_plan_of_another_form_is_refused(
+    record, small_map, tmp_path, at, value, told
+):
+    record["holds"][1]["link"] = small_map.robot.tip_name
+    *way, last = at
+    part = record
+    for key in way:
+        part = part[key]
+    if value is None:
+        del part[last]
+    else:
+        part[last] = value
+    plan = tmp_path / "plan.json"
+    plan.write_text(json.dumps(record))
+    with pytest.raises(BadInput, match=re.escape(told)):
+        read_played(plan)
 
 
 def test_a_film_of_a_recording_is_asked_elsewhere(odm, tmp_path):
