@@ -1,5 +1,6 @@
 """`odm handover`: whole hand-overs between two agents, planned, told and drawn."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,10 +10,12 @@ import typer
 from sim.run.folders import GRASPS
 from sim.terminal.checks import FILM, MOST_SEED, PICTURE, Limits, Writes
 from sim.terminal.flags import Json, argument, flag, from_request, optional
-from sim.terminal.output import Bars, bytes_text, report
+from sim.terminal.output import Bars, bytes_text, counted, report
 
 if TYPE_CHECKING:
     from handover.plans.planner import HandoverPlan
+
+_REASONS = 6  # why tuples had no motions: as many are told
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,18 @@ def _chosen(found: "HandoverPlan", request: PlanRequest) -> dict:
     return facts
 
 
+def _show_failed(lines: list[str]) -> None:
+    """Print why tuples had no motions, the most frequent reasons first."""
+    reasons = Counter(line.partition(": ")[2] for line in lines).most_common()
+    for reason, n in reasons[:_REASONS]:
+        print(f"  {counted(n, 'tuple')} without motions: {reason}")
+    rest = reasons[_REASONS:]
+    if rest:
+        told = counted(sum(n for _, n in rest), "tuple")
+        others = counted(len(rest), "other reason")
+        print(f"  {told} for {others}; --json lists them all")
+
+
 def _show(facts: dict) -> None:
     told = facts["report"]
     print(f"{facts['scene']}, seed {facts['seed']}: {told['arm']}")
@@ -120,11 +135,10 @@ def _show(facts: dict) -> None:
         print(f"  {where}: {row['left']} of {row['of']} grasps are left; {why}")
     poses = told["poses"]
     print(
-        f"  {poses['looked at']} hand-over poses; the receiver can take "
-        f"{poses['receiver can take']}; {told['tuples']} tuples"
+        f"  {counted(poses['looked at'], 'hand-over pose')}; the receiver can take "
+        f"{poses['receiver can take']:,}; {counted(told['tuples'], 'tuple')}"
     )
-    for line in told["failed"]:
-        print(f"  {line}")
+    _show_failed(told["failed"])
     if not facts["found"]:
         print(f"no plan: {facts['reason']}")
         return

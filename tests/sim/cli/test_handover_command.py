@@ -10,6 +10,7 @@ from handover.grasps.grasp_build import GraspSettings
 from handover.scenes.load import load_scene
 from handover.scenes.plan_file import read_plan
 from handover.scenes.start_check import start_distances
+from sim.cli import handover_command
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "plans.md"
 FEW = GraspSettings(samples=16, rolls=6)
@@ -39,3 +40,14 @@ def test_the_scene_of_the_guide_is_planned_and_written_without_json(odm, tea):
     assert code == 0, err
     assert f"plan in {out}" in told
     assert read_plan(out)["motions"]
+
+
+def test_reasons_are_counted_the_most_frequent_first(capsys):
+    lines = [f"tuple {k}: the hand: touches {k % 9}" for k in range(11)]
+    handover_command._show_failed([*lines, "tuple 11: no room"])
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "  2 tuples without motions: the hand: touches 0"
+    assert told[2] == "  1 tuple without motions: the hand: touches 2"
+    assert told[6:] == ["  4 tuples for 4 other reasons; --json lists them all"]
+    handover_command._show_failed([])
+    assert capsys.readouterr().out == ""
