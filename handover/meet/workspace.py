@@ -37,7 +37,7 @@ from roadmap.ranges import check_kind, is_between, settings_of, told
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
-_MOST_RANKED = 100_000  # targets of one ranking
+MOST_RANKED = 100_000  # targets of one ranking
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,9 +209,9 @@ class InteractionWorkspace:
         `go_on` leads it to its end, some work a frame, then `ranked` returns them. A
         ranking that was begun before is given up.
         """
-        if not (is_between(k, 1, _MOST_RANKED) and isinstance(k, Integral)):
+        if not (is_between(k, 1, MOST_RANKED) and isinstance(k, Integral)):
             raise BadInput(
-                f"the best {k} targets are none; give k from 1 to {_MOST_RANKED}"
+                f"the best {k} targets are none; give k from 1 to {MOST_RANKED}"
             )
         self._give_up()
         if len(self._top.value) != k:
@@ -312,9 +312,9 @@ class InteractionWorkspace:
         while True:
             ranked = self.best(n)
             kept = self.takeable(ranked, scene)
-            if len(kept) >= k or len(ranked) < n or n == _MOST_RANKED:
+            if len(kept) >= k or len(ranked) < n or n == MOST_RANKED:
                 return kept[:k]
-            n = min(2 * n, _MOST_RANKED)
+            n = min(2 * n, MOST_RANKED)
 
     def remove(self, target: Target) -> None:
         """Take a target out until `restore` [Vahrenkamp2016, Algorithm 2, line 9]."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from handover.human.human import Human
 from handover.meet.constraints import ClearOf
-from handover.meet.workspace import InteractionWorkspace, Target
+from handover.meet.workspace import MOST_RANKED, InteractionWorkspace, Target
 from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
 from handover.targets.settings import LiveSettings
@@ -396,7 +396,7 @@ class LiveTargets:
         )
         more = self._blocked // (choice.untried_frames * choice.goals)
         in_the_way = min(len(self._in_the_way), ranked * deepest)
-        return ranked * min(1 + more, deepest) + in_the_way
+        return min(ranked * min(1 + more, deepest) + in_the_way, MOST_RANKED)
 
     def _known(self) -> list[Target]:
         """Return the targets on offer with their quality now; those gone left out."""

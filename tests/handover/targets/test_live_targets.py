@@ -16,7 +16,7 @@ from handover.targets.live_targets import (
     LiveTargets,
 )
 from handover.targets.node_index import NodeIndex
-from handover.targets.settings import LiveSettings
+from handover.targets.settings import ChoiceSettings, LiveSettings
 from odm.obstacles.scenery import Scenery, parse_scenery
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, tool_pose
@@ -430,3 +430,13 @@ def test_an_index_of_another_map_is_refused(cell_map, robot_map):
 def test_live_settings_that_are_none_are_refused(wrong, words):
     with pytest.raises(BadInput, match=words):
         LiveSettings(**wrong)
+
+
+def test_no_more_are_ranked_than_can_be_however_long_it_is_blocked(
+    cell_map, robot_map, index
+):
+    far = person(4.0)
+    settings = {"ranked": 60_000, "choice": ChoiceSettings(untried_frames=1)}
+    live = live_of(cell_map, robot_map, index, far, **settings)
+    _, pursuits = run(live, start(cell_map), [far] * 8)
+    assert {p.state for p in pursuits} == {NOBODY}
