@@ -45,7 +45,8 @@ def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
     """Real bytes at a real terminal: the arm moves, the robot goes to its targets."""
     out = tmp_path / "keys.json"
     words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
-    with User(*words, "--reach", meet_maps[1], columns=100, lines=40) as user:
+    words += ["--reach", meet_maps[1]]
+    with User(*words, columns=100, lines=40, warm={"exercised": True}) as user:
         user.see("of [0-9,]+ edges")
         user.see("0:0[1-9]")
         for keys in (b"wwww", b"\x1b[A\x1b[A", b"+"):

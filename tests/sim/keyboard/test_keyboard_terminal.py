@@ -97,7 +97,7 @@ sys.exit(run.exit_code)
 
 def fake(term="xterm", size=(80, 24), **options):
     words = ("-c", FAKE, json.dumps(options))
-    return User(*words, columns=size[0], lines=size[1], term=term)
+    return User(*words, columns=size[0], lines=size[1], term=term, warm={})
 
 
 def told(user):
@@ -292,7 +292,8 @@ def map_dir(crane_urdf, tmp_path_factory):
 
 def test_the_real_loop_ends_with_its_tables_and_its_keys_repeat_it(map_dir, tmp_path):
     out = tmp_path / "run.json"
-    with User("-c", REAL, map_dir, out, columns=100, lines=40) as user:
+    warm = dict(columns=100, lines=40, warm={"exercised": True})
+    with User("-c", REAL, map_dir, out, **warm) as user:
         user.see("of [0-9,]+ edges")
         for keys in (b"\x1b[A" * 6, b"wwww", b"+\x1b[C\x1b[C", b"h"):
             user.type(keys)
