@@ -1,9 +1,9 @@
 """Python processes that are forked from one which has imported this project already.
 
-A process that imports it computes for a second before its first own line, and a robot's
-loops are read for two more. `WarmPopen` starts `python -c CODE ...` or `python -m MODULE
-...` without that: as `subprocess.Popen` in all but the start. What a test asks of the
-start itself, or of memory that nobody has used, needs a process of its own.
+A process that imports it computes for a second before its own first line, and reads a
+robot's loops for two more. `WarmPopen` starts `python -c CODE ...` or `python -m MODULE
+...` without that, else as `subprocess.Popen` does. What a test asks of the start, or of
+a memory that nobody has used, needs a process from its first line on.
 """
 
 import atexit
