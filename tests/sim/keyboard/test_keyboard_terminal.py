@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 from keyboard_pty import User
+from warm_process import WarmPopen
 
 from odm.cell_map.build import build_map
 from odm.cell_map.cell_map import load_map
@@ -227,15 +228,17 @@ def test_a_dumb_terminal_gets_lines_and_no_escapes():
 
 def test_without_a_terminal_one_sentence_names_the_other_motions():
     words = ("-m", "sim", "run", "--motion", "keyboard", "--map", "nowhere")
-    done = subprocess.run(
-        [sys.executable, *words],
+    with WarmPopen(
+        words,
         stdin=subprocess.DEVNULL,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert done.returncode == 2
-    lines = done.stderr.splitlines()
+        env=os.environ,
+    ) as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    lines = err.splitlines()
     (sentence,) = [line for line in lines if line.startswith("odm: ")]
     assert "needs a terminal" in sentence and "standard input is none" in sentence
     assert "sweep, reach, jitter, hover, intrusion" in sentence
