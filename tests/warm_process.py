@@ -33,7 +33,8 @@ class WarmPopen(subprocess.Popen):
 
     Of the arguments of `Popen` it takes those that name the program, its folder, its
     environment and its three streams; `ignored`: it begins with signals ignored.
-    `exercised`: all loops of a frame have been called, and rehearsals are brief.
+    `exercised`: all loops of a frame have been called, `odm run` does not call them
+    once more, and its rehearsals are brief.
     `modules`: names of some that are imported, too.
     """
 
@@ -141,7 +142,7 @@ def exercise_all():
     from sim.loop import warmup
     from sim.run import places
 
-    places.REHEARSAL_S = 0.2
+    places.REHEARSAL_S, places.exercise = 0.2, lambda cell_map: None  # as in conftest
     with tempfile.TemporaryDirectory() as folder:
         recipe = warmup.tiny_recipe(Path(folder))
         warmup.exercise(build_map(recipe, threads=1))
