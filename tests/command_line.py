@@ -7,8 +7,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+from warm_process import WarmPopen
+
 ROOT = Path(__file__).resolve().parents[1]
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+# `python -c SOON build ...`: as `odm build ...`, with a line for each stage at once
+SOON = """
+from sim.terminal import progress
+progress.FIRST_S = progress.EVERY_S = 0.0
+from sim.__main__ import main
+main()
+"""
 
 
 def one_sentence(text):
@@ -23,18 +33,24 @@ def hear(action=signal.SIG_DFL):
 
 
 @contextlib.contextmanager
-def started(words, cwd, action=signal.SIG_DFL):
-    """Start a Python process in a folder; its whole group is gone at the end."""
+def started(words, cwd, action=signal.SIG_DFL, warm=None):
+    """Start a Python process in a folder; its whole group is gone at the end.
+
+    `warm`: what `WarmPopen` is told; None: a process of its own from the first line on.
+    """
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen(
-        [sys.executable, *words],
-        cwd=cwd,
-        env=env,
-        start_new_session=True,
-        preexec_fn=lambda: hear(action),
-        **pipe,
-    )
+    if warm is not None:
+        process = WarmPopen(words, cwd=cwd, env=env, **warm, **pipe)
+    else:
+        process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=cwd,
+            env=env,
+            start_new_session=True,
+            preexec_fn=lambda: hear(action),
+            **pipe,
+        )
     try:
         yield process
     finally:

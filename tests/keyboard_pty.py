@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 from command_line import hear
+from warm_process import WarmPopen
 
 # A test has failed whose program computed for longer than this while it waited, or
 # which waited for so many times as long: on a busy machine a program hardly gets on [s]
@@ -107,24 +108,30 @@ def _at_a_terminal():
 
 
 class User:
-    """Starts a program in a terminal of its own, types, and looks."""
+    """Starts a program in a terminal of its own, types, and looks.
 
-    def __init__(self, *words, columns=80, lines=24, term="xterm"):
+    `warm`: what `WarmPopen` is told; None: a process of its own from the first line on.
+    """
+
+    def __init__(self, *words, columns=80, lines=24, term="xterm", warm=None):
         self._ours, self._theirs = os.openpty()
         self.screen = SeenScreen(columns, lines)
         self._set_size(columns, lines)
         self.before = termios.tcgetattr(self._theirs)
         self.sent = ""  # all that the program wrote
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        self.process = subprocess.Popen(
-            [sys.executable, *map(str, words)],
-            stdin=self._theirs,
-            stdout=self._theirs,
-            stderr=self._theirs,
-            start_new_session=True,
-            env={**os.environ, "TERM": term, "PYTHONPATH": os.pathsep.join(sys.path)},
-            preexec_fn=_at_a_terminal,
-        )
+        given = dict.fromkeys(("stdin", "stdout", "stderr"), self._theirs)
+        path = os.pathsep.join(sys.path)
+        given["env"] = {**os.environ, "TERM": term, "PYTHONPATH": path}
+        if warm is not None:
+            self.process = WarmPopen(words, **warm, **given)
+        else:
+            self.process = subprocess.Popen(
+                [sys.executable, *map(str, words)],
+                start_new_session=True,
+                preexec_fn=_at_a_terminal,
+                **given,
+            )
 
     def __enter__(self):
         return self

@@ -1,5 +1,6 @@
 """Tables of the search for a meeting place: of the person's map, and scratch."""
 
+import hashlib
 from functools import lru_cache
 
 import numpy as np
@@ -15,11 +16,16 @@ from handover.meet._meet_search import Top
 from handover.meet._quality import DOWN, GAZE, HAS_GAZE
 from handover.meet.quality import ArmState
 from handover.meet.settings import MeetSettings
+from handover.reach._reach_lookup import Packed
 from handover.reach.reach_build import ReachSettings, build_reach_map
+from handover.reach.reach_grid import reach_grid
 from handover.reach.reach_map import ReachMap
 from roadmap.arrays import frozen
+from roadmap.builds.chunks import Arrays
+from roadmap.builds.kept import code_of, kept
 from roadmap.errors import BadInput
 
+_CODE = "handover/reach/reach_build.py"  # what takes part in a reach map
 _SLACK = 1e-6  # [m] that the wrist's range is widened by; IK decides
 
 
@@ -125,12 +131,24 @@ def _alike(human: Human, last: Human) -> bool:
 
 @lru_cache(maxsize=1)
 def coarse_human_reach() -> ReachMap:
-    """Return a reach map of a mean arm, of coarse cells, built in about 2 s.
+    """Return a reach map of a mean arm, of coarse cells, found once on a machine.
 
-    In units of the arm's length: 0.1 of it and 60 degrees. The same each time.
+    In units of the arm's length: 0.1 of it and 60 degrees. The same each time; `kept`,
+    since it takes a second to find.
     """
     settings = ReachSettings(cell=0.1, rotations=72, samples=20_000)
-    return build_reach_map(Human().arm("right").chain(), settings, threads=1)
+    chain = Human().arm("right").chain()
+
+    def find() -> Arrays:
+        reach = build_reach_map(chain, settings, threads=1)
+        return (*reach.packed, np.array(reach.reference))
+
+    name = hashlib.sha256(f"{code_of(_CODE)} {settings}".encode())
+    for array in chain.arrays:
+        name.update(array.tobytes())
+    *packed, reference = kept("reach", name.hexdigest(), find)
+    grid = reach_grid(chain, settings.cell, settings.rotations)
+    return ReachMap(chain, grid, Packed(*packed), reference.item())
 
 
 def hands_of(n_rotations: int, tool_hands: np.ndarray) -> kernels.Hands:

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a chain from many starts, and where its tool gets furthest."""
+"""Inverse kinematics of a chain from many starts; the extremes of what it reaches."""
 
 import math
 
@@ -6,8 +6,15 @@ import numpy as np
 from numba import njit
 
 from handover.reach._reach_touch import touches_itself
+from roadmap.compiling._rows import copy_row
 from roadmap.compiling.jit_options import BARE, BARE_INNER, FULL, FULL_INNER
-from roadmap.kinematics._chain import draw_code, forward, from_lattice
+from roadmap.kinematics._chain import (
+    dexterity,
+    draw_code,
+    forward,
+    from_lattice,
+    jacobian,
+)
 from roadmap.kinematics._inverse import descend
 
 # length of the scaled error, about 1e-6 m and 1e-6 rad; most steps
@@ -35,6 +42,33 @@ def starts_taken(chain, poses, scale, touch, work, starts, used):
                 continue
             used[i] = k + 1
             break
+
+
+@njit(**BARE)
+def most_dexterous(chain, seed, n_drawn, steps, work, best):
+    """Write the most dexterous q (dof,) of some to `best`; returns its dexterity.
+
+    First come samples of the stream `seed`, then steps (n, dof) away from the best so
+    far, within the limits. Where no sample has any dexterity, 0 and nothing is written.
+    """
+    most, q, limits = 0.0, work.q, chain.limits
+    for k in range(n_drawn + steps.shape[0]):
+        if k < n_drawn:
+            draw_code(seed, k, work.code)
+            from_lattice(chain, work.code, q)
+        elif most == 0.0:
+            break
+        else:
+            for j in range(q.shape[0]):
+                value = best[j] + steps[k - n_drawn, j]
+                q[j] = min(max(value, limits[j, 0]), limits[j, 1])
+        forward(chain, q, work.frames)
+        jacobian(chain, work.frames, work.jac)
+        value = dexterity(chain, q, work.jac, work.weighted, work.gram)
+        if value > most:
+            most = value
+            copy_row(q, best)
+    return most
 
 
 @njit(**BARE)

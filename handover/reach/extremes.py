@@ -4,14 +4,8 @@ import numpy as np
 
 from handover.chain import Chain
 from handover.reach._reach_build import Work
-from handover.reach._reach_ik import stretch
-from roadmap.kinematics._chain import (
-    dexterity,
-    draw_code,
-    forward,
-    from_lattice,
-    jacobian,
-)
+from handover.reach._reach_ik import most_dexterous, stretch
+from roadmap.kinematics._chain import draw_code, from_lattice
 from roadmap.kinematics.tool_chain import descent_of
 
 _STARTS = 12  # for each side of the box
@@ -30,29 +24,12 @@ def best_dexterity(chain: Chain, seed: int) -> float:
 
     The best of a fixed set of configurations, then of small steps from there.
     """
-    work, best = work_of(chain), 0.0
-    for k in range(_YARDSTICK):
-        draw_code(seed + 1, k, work.code)
-        from_lattice(chain.arrays, work.code, work.q)
-        value = _dexterity(chain, work)
-        if value > best:
-            best, q_best = value, work.q.copy()
-    if best == 0.0:
-        return 1e-12
     rng, span = np.random.default_rng(seed), np.ptp(chain.limits, axis=1)
-    for width in np.geomspace(0.1, 0.002, _CLIMB):
-        work.q[:] = q_best + width * span * rng.normal(size=chain.dof)
-        np.clip(work.q, *chain.limits.T, out=work.q)
-        value = _dexterity(chain, work)
-        if value > best:
-            best, q_best = value, work.q.copy()
-    return best
-
-
-def _dexterity(chain: Chain, work: Work) -> float:
-    forward(chain.arrays, work.q, work.frames)
-    jacobian(chain.arrays, work.frames, work.jac)
-    return dexterity(chain.arrays, work.q, work.jac, work.weighted, work.gram)
+    steps = rng.normal(size=(_CLIMB, chain.dof))
+    steps *= np.geomspace(0.1, 0.002, _CLIMB)[:, None] * span
+    given = chain.arrays, seed + 1, _YARDSTICK, steps
+    most = most_dexterous(*given, work_of(chain), np.empty(chain.dof))
+    return most if most > 0.0 else 1e-12
 
 
 def reachable_box(chain: Chain) -> np.ndarray:

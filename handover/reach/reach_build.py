@@ -180,6 +180,7 @@ def _draw(
     """Enter the best sample of every cell; returns how many were drawn."""
     total, done = settings.samples, 0
     n_rotations = pool.grid.rotations.n_cells
+    tell("drawing samples", done, total)
 
     def draw(span: tuple[int, int], build: Build, _: object) -> tuple:
         where = np.empty(span[1] - span[0], np.int32)

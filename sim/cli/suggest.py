@@ -35,6 +35,7 @@ NODES = (3_000, 10_000, 30_000)
 CELLS = (0.03, 0.04, 0.05)
 PROBED = 48  # nodes whose edges are looked at
 SWEPT = 240  # edges that are swept
+ASKED = 20, 100  # nodes and edges whose overhead is measured
 # measured once on the reference map: what is not probed [s per node, edge, entry]
 _PER_NODE, _PER_EDGE, _PER_ENTRY = 1.2e-4, 3e-5, 1.5e-7
 _WHOLE = 1.0  # bytes of an entry for halves and words kept whole; Panda, 4 cm
@@ -223,7 +224,9 @@ def _row(
     workers = min(threads or os.cpu_count() or 1, os.cpu_count() or 1)
     rest = probe.n_edges * _PER_EDGE + entries * _PER_ENTRY
     seconds = robot_s + rest + (probe.seconds + items * swept_s) / workers
-    overhead = clearance_overhead(replace(raw, arm_cells=cells), n=20, n_edges=100)
+    n_nodes, n_edges = ASKED
+    measured = replace(raw, arm_cells=cells)
+    overhead = clearance_overhead(measured, n_nodes, n_edges=n_edges)
     return Suggestion(
         h=safety.h,
         nodes=probe.n_nodes,

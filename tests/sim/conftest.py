@@ -1,5 +1,7 @@
 """A small robot, and planners that stand in for the real one."""
 
+import fcntl
+import os
 import sys
 from dataclasses import dataclass, field
 
@@ -157,14 +159,30 @@ def retreating(crane):
 
 @pytest.fixture(scope="session")
 def meet_maps(tmp_path_factory):
-    """Return the folders of a small map and a coarse reach map of the Kawasaki."""
+    """Return the folders of a small map and a coarse reach map of the Kawasaki.
+
+    The first worker of the suite that asks for them builds them; nobody changes them.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    folder = folder / "meet"
+    folder.mkdir(exist_ok=True)
+    found = folder / "map", folder / "reach"
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not all(one.exists() for one in found):
+            _build_meet_maps(*found)
+    return found
+
+
+def _build_meet_maps(map_dir, reach_dir):
     from handover import ReachSettings, build_reach_map, chain_of
     from odm import Recipe, build_map
     from odm.cell_map.recipe import RobotRecipe
     from odm.close_test.safety import Safety
     from roadmap.graph.connecting import RoadmapSettings
 
-    folder = tmp_path_factory.mktemp("meet")
     recipe = Recipe(
         "kawasaki",
         RobotRecipe(source="kawasaki_fs003n"),
@@ -174,7 +192,8 @@ def meet_maps(tmp_path_factory):
     cell_map = build_map(recipe, threads=2)
     settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
     reach = build_reach_map(chain_of(cell_map.robot), settings, threads=2)
-    return cell_map.save(folder / "map"), reach.save(folder / "reach")
+    cell_map.save(map_dir)
+    reach.save(reach_dir)
 
 
 @pytest.fixture

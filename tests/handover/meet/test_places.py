@@ -10,8 +10,9 @@ from handover.chain import Chain
 from handover.meet.places import NAMES, qualities_at
 from handover.meet.quality import total_quality
 from handover.meet.settings import PARTS, MeetSettings
-from handover.reach.extremes import _dexterity, best_dexterity, work_of
+from handover.reach.extremes import best_dexterity, work_of
 from roadmap.errors import BadInput
+from roadmap.kinematics._chain import dexterity, forward, jacobian
 
 ROTATIONS = 72
 
@@ -49,8 +50,9 @@ def tried_one_by_one(human: Human, side: str, point: np.ndarray) -> tuple:
 
 def dexterity_of(chain: Chain, q: np.ndarray) -> float:
     work = work_of(chain)
-    work.q[:] = q
-    return _dexterity(chain, work)
+    forward(chain.arrays, q, work.frames)
+    jacobian(chain.arrays, work.frames, work.jac)
+    return dexterity(chain.arrays, q, work.jac, work.weighted, work.gram)
 
 
 _KEPT: list[float] = []

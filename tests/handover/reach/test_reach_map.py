@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import handover
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.reach import _reach_build as kernels
-from handover.reach import reach_build
+from handover.reach import extremes, reach_build
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.reach_build import MAX_BYTES
 from handover.reach.reach_grid import reach_grid
@@ -297,6 +297,34 @@ def test_poses_that_are_none_are_refused(arm_map):
 def test_a_recall_of_another_chain_is_refused(arm_map, robot):
     with pytest.raises(BadInput, match="is not what the map"):
         measure_recall(arm_map, chain_of(robot))
+
+
+def test_the_yardstick_is_the_best_of_samples_and_of_steps_from_the_best(
+    arm, monkeypatch
+):
+    monkeypatch.setattr(extremes, "_YARDSTICK", 200)
+    monkeypatch.setattr(extremes, "_CLIMB", 300)
+    work, rng, most = work_of(arm), np.random.default_rng(4), [0.0, 0.0]
+
+    def tried(q, kind):
+        forward(arm.arrays, q, work.frames)
+        jacobian(arm.arrays, work.frames, work.jac)
+        value = slow_dexterity(arm, q, work.jac)
+        better = value > max(most)
+        most[kind] = max(value, most[kind])
+        return q.copy() if better else best
+
+    best = None
+    for k in range(200):
+        kernels.draw_code(5, k, work.code)
+        from_lattice(arm.arrays, work.code, work.q)
+        best = tried(work.q, 0)
+    low, high = arm.limits.T
+    for width in np.geomspace(0.1, 0.002, 300):
+        step = width * (high - low) * rng.normal(size=arm.dof)
+        best = tried(np.clip(best + step, low, high), 1)
+    assert most[1] > 1.1 * most[0]
+    assert best_dexterity(arm, 4) == pytest.approx(max(most), rel=1e-9)
 
 
 def test_the_yardstick_and_the_work_are_those_of_the_chain(arm):

@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
+from roadmap.builds.kept import cache_folder
 from roadmap.geometry import kept_covers
-from roadmap.geometry.kept_covers import (
-    cache_folder,
-    kept_cover,
-    kept_excess,
-    kept_shells,
-)
+from roadmap.geometry.kept_covers import kept_cover, kept_excess, kept_shells
 from roadmap.geometry.polytope import shell
 from roadmap.geometry.solids import Solid
 from roadmap.geometry.spheres import cover_excess, cover_solids
@@ -48,7 +44,7 @@ def test_another_solid_excess_closeness_or_code_is_another_cover(found, monkeypa
     kept_cover([box(0.1 + 1e-15)], 0.02)
     kept_cover([box()], 0.021)
     kept_cover([box()], 0.02, closely=False)
-    monkeypatch.setattr(kept_covers, "_code", lambda: "another way to prove")
+    monkeypatch.setattr(kept_covers, "code_of", lambda file: "another way to prove")
     kept_cover([box()], 0.02)
     assert len(found) == 5
 

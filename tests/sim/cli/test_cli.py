@@ -212,16 +212,17 @@ def test_a_joint_can_be_locked_on_the_command_line(odm, tmp_path):
 def test_suggest_agrees_with_a_real_build_and_builds_nothing(
     odm, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(suggest, "NODES", (600,))  # two of each with what is asked
+    monkeypatch.setattr(suggest, "NODES", (300,))  # two of each with what is asked
     monkeypatch.setattr(suggest, "CELLS", (0.05,))
+    monkeypatch.setattr(suggest, "ASKED", (5, 10))
     urdf = tiny_recipe(tmp_path).robot.source
-    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", 900)
+    words = ("build", "--robot", urdf, "--tip", "hand", "--nodes", 450)
     code, text, _ = odm(*words, "--out", tmp_path / "map", "--suggest", "--json")
     assert code == 0 and not (tmp_path / "map").exists()
     rows = json.loads(text)["rows"]
-    sizes = [(0.04, 600), (0.04, 900), (0.05, 600), (0.05, 900)]
+    sizes = [(0.04, 300), (0.04, 450), (0.05, 300), (0.05, 450)]
     assert [(row["h"], row["nodes"]) for row in rows] == sizes
-    rows = [r for r in rows if (r["h"], r["nodes"]) == (0.04, 900)]
+    rows = [r for r in rows if (r["h"], r["nodes"]) == (0.04, 450)]
     assert odm(*words, "--out", tmp_path / "map")[0] == 0
     made = built_facts(load_map(tmp_path / "map"), tmp_path / "map", 0.0)
     for mine, real in (

@@ -4,7 +4,7 @@ import json
 import signal
 
 import pytest
-from command_line import one_sentence, started, wait_for
+from command_line import SOON, one_sentence, started, wait_for
 
 from handover import load_grasps
 
@@ -17,7 +17,7 @@ def built(tmp_path_factory):
     folder = tmp_path_factory.mktemp("grasps")
     words = ["-m", "sim.cli.main", "grasps", "build", "--object", "cup", "--hand"]
     words += ["sdh", *FEW, "--plot", "cup.png", "--json=facts.json"]
-    with started(words, folder) as process:
+    with started(words, folder, warm={}) as process:
         out, err = process.communicate(timeout=500)
     assert process.returncode == 0, err
     return folder, out, json.loads((folder / "facts.json").read_text())
@@ -68,9 +68,9 @@ def test_what_is_no_grasp_set_is_left_alone(odm, tmp_path):
 
 
 def test_ctrl_c_leaves_nothing(tmp_path):
-    words = ["-m", "sim.cli.main", "grasps", "build", "--object", "hammer", "--hand"]
+    words = ["-c", SOON, "grasps", "build", "--object", "hammer", "--hand"]
     words += ["sdh", "--samples", "400", "--rolls", "6", "--out", "set"]  # minutes
-    with started(words, tmp_path) as process:
+    with started(words, tmp_path, warm={}) as process:
         wait_for(process.stderr, "closing hands")
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=120)

@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from command_line import started, wait_for
+from command_line import SOON, started, wait_for
 from forms import some
 
 from sim.bench.core import interrupts
@@ -19,6 +19,9 @@ from sim.terminal import interrupt
 
 # Not the promised 2 s, which `odm bench interrupts` measures: machines are busy
 PATIENCE_S = 15.0
+# what a script imports first is not what its test asks about
+WARM = {"warm": {}}
+VIEW = {"warm": {"modules": ["sim.cli.view", "sim.view.page", "sim.view.viewer"]}}
 HEAD = """
 import itertools, os, pathlib, signal, sys, time
 from sim.terminal import interrupt
@@ -261,7 +264,7 @@ def test_ctrl_c_ends_what_swallows_or_delays_it(script, tmp_path):
 
 @pytest.mark.parametrize("sent, code", [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
 def test_a_page_that_ctrl_c_ends_ends_without_a_word(sent, code, tmp_path):
-    with started(["-c", HEAD + SHOWN], tmp_path) as process:
+    with started(["-c", HEAD + SHOWN], tmp_path, **VIEW) as process:
         wait_for(process.stdout, "ready")
         got, _, _, err = end(process, sent)
     assert got == code and "odm:" not in err and "Traceback" not in err
@@ -271,7 +274,7 @@ def test_a_page_that_ctrl_c_ends_ends_without_a_word(sent, code, tmp_path):
     "script", [IN_PROCESSES, RUNS_OF_A_BENCH, BEING_LOADED, COMPILING_BESIDE]
 )
 def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
-    with started(["-c", HEAD + script], tmp_path) as process:
+    with started(["-c", HEAD + script], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         code, seconds, _, err = end(process, whole_group=True)
     assert code == 130 and seconds < PATIENCE_S
@@ -290,7 +293,7 @@ def test_sigterm_ends_a_command_as_ctrl_c_does(script, tmp_path):
 
 def test_sigterm_is_heard_where_ctrl_c_is_ignored(tmp_path):  # of a script's odm run &
     head = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-    with started(["-c", head + HEAD + WRITING], tmp_path) as process:
+    with started(["-c", head + HEAD + WRITING], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         process.send_signal(signal.SIGINT)
         time.sleep(0.1)
@@ -312,7 +315,7 @@ with interrupt.interruptible():
 
 
 def test_a_folder_that_is_still_being_written_goes_with_the_process(tmp_path):
-    with started(["-c", HEAD + WRITING], tmp_path) as process:
+    with started(["-c", HEAD + WRITING], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         assert len(list(tmp_path.iterdir())) == 1
         assert end(process)[0] == 130
@@ -321,7 +324,7 @@ def test_a_folder_that_is_still_being_written_goes_with_the_process(tmp_path):
 
 @pytest.mark.parametrize("script", [AT_WORK_TO_THE_END, BEGUN_AT_THE_END])
 def test_a_thread_that_goes_on_till_the_end_leaves_nothing(script, tmp_path):
-    with started(["-c", HEAD + script], tmp_path) as process:
+    with started(["-c", HEAD + script], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         assert end(process)[0] == 130
     assert not list(tmp_path.iterdir())
@@ -330,7 +333,7 @@ def test_a_thread_that_goes_on_till_the_end_leaves_nothing(script, tmp_path):
 def test_between_two_maps_there_is_always_one(tmp_path):
     (tmp_path / "map").mkdir()
     (tmp_path / "map" / "old").touch()
-    with started(["-c", HEAD + PUTTING], tmp_path) as process:
+    with started(["-c", HEAD + PUTTING], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         assert not (tmp_path / "map").exists()
         assert end(process)[0] == 130
@@ -340,7 +343,7 @@ def test_between_two_maps_there_is_always_one(tmp_path):
 
 @pytest.mark.parametrize("where", [HANDING_OVER, FINDING_TYPES])
 def test_it_is_raised_when_the_loop_is_compiled(where, tmp_path):
-    with started(["-c", HEAD + CUT + where + COMPILED], tmp_path) as process:
+    with started(["-c", HEAD + CUT + where + COMPILED], tmp_path, **WARM) as process:
         out, err = process.communicate(timeout=60)
     assert process.returncode == 130 and err.count("interrupted") == 1, err
     assert not out
@@ -355,7 +358,7 @@ def test_what_was_found_so_far_may_still_be_told(tmp_path):
 
 @pytest.mark.parametrize("script", [PATIENT, HURRIED])
 def test_a_second_ctrl_c_does_not_wait(script, tmp_path):
-    with started(["-c", HEAD + script], tmp_path) as process:
+    with started(["-c", HEAD + script], tmp_path, **WARM) as process:
         wait_for(process.stdout, "ready")
         process.send_signal(signal.SIGINT)
         time.sleep(0.6)
@@ -379,7 +382,7 @@ def test_a_build_ends_while_it_samples_and_leaves_nothing(
     temporary = tmp_path_factory.mktemp("temporary")
     monkeypatch.setenv("TMPDIR", str(temporary))
     command = commands(tmp_path)[k]
-    with started(["-m", "sim", *command.words], tmp_path) as process:
+    with started(["-c", SOON, *command.words], tmp_path, **WARM) as process:
         wait_for(process.stderr, stage)
         number = (signal.SIGTERM, None, signal.SIGINT)[k]  # one of each is enough
         code, seconds, _, err = end(process, number)

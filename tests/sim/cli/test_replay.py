@@ -186,8 +186,8 @@ print("compiled", warmup.cache_misses())
 
 def test_after_a_warmup_a_new_process_compiles_nothing(map_dir, recording, tmp_path):
     np.savez(tmp_path / "f.npz", **recording)
-    for words in (["-c", WARM], ["-c", PLAY, str(map_dir)]):
-        with started(words, tmp_path) as process:
+    for words, warm in ((["-c", WARM], {}), (["-c", PLAY, str(map_dir)], None)):
+        with started(words, tmp_path, warm=warm) as process:
             out, err = process.communicate(timeout=600)
         assert process.returncode == 0, err
     assert out.splitlines()[-1] == "compiled 0"

@@ -82,17 +82,17 @@ def test_the_loop_pursues_what_it_says(built):
 
 def test_beside_a_hand_that_trembles_it_stays_on_its_path_and_at_its_target(built):
     """It was driven off each time, or took another path on the way."""
-    told = run(request(built, "tremble", seconds=6.0, rate=100.0, audit_s=0))
+    told = run(request(built, "tremble", seconds=5.0, rate=100.0, audit_s=0))
     assert told["run"]["path_changes"] == 0  # the first path to a target is none
     assert told["targets"]["arrivals"] == 1
     assert told["targets"]["target_changes_per_minute"] == 0.0
 
 
 def test_after_its_dwell_it_goes_back_and_comes_again(built):
-    asked = request(built, "hover", seconds=12.0, dwell=0.4, audit_s=0.5)
+    asked = request(built, "hover", seconds=9.0, dwell=0.4, audit_s=0.5)
     task = MeetTask(asked)
     task.open(lambda *a: None)
-    loop = task.loop(task.person(), LoopSettings(duration_s=12.0, rate_hz=50.0))
+    loop = task.loop(task.person(), LoopSettings(duration_s=9.0, rate_hz=50.0))
     result = run_frames(loop, task.hear)
     told = task.figures(loop, result)["targets"]
     states = [p.state for p in loop.pursuits]
@@ -194,7 +194,7 @@ def test_a_missing_reach_map_is_built_and_said(odm, built, tmp_path, monkeypatch
     from sim.run import meet
 
     monkeypatch.chdir(tmp_path)
-    few = ReachSettings(cell=0.15, rotations=72, samples=20_000)
+    few = ReachSettings(cell=0.15, rotations=72, samples=2000)
 
     def quick(chain, progress):
         return build_reach_map(chain, few, progress=progress)
@@ -216,7 +216,7 @@ def test_robots_of_one_name_each_get_a_reach_map(built, tmp_path, monkeypatch):
     robot = load_map(built[0]).robot
 
     monkeypatch.chdir(tmp_path)
-    few = ReachSettings(cell=0.15, rotations=72, samples=20_000)
+    few = ReachSettings(cell=0.3, rotations=72, samples=2000)
     made = []
 
     def quick(chain, progress):

@@ -146,7 +146,7 @@ def test_who_is_moved_by_keys_is_met_again(odm, meet_maps, tmp_path):
     record, again = tmp_path / "run.npz", tmp_path / "again.npz"
     words = ("--map", meet_maps[0], "--reach", meet_maps[1], "--motion", "keyboard")
     words = ("-m", "sim", "run", "--targets", "meet", *words, "--record", record)
-    with User(*words, columns=100, lines=40) as user:
+    with User(*words, columns=100, lines=40, warm={"exercised": True}) as user:
         user.see("0:0[1-9]")
         user.type(b"\x1b[A" * 6)
         user.look(0.3)

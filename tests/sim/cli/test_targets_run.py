@@ -22,7 +22,7 @@ def test_timed_it_gets_to_its_targets_within_its_limits(meet_maps):
     asked = RunRequest(
         meet_maps[0],
         "reach",
-        seconds=8.0,
+        seconds=4.0,
         seed=1,
         rate=50.0,
         execution="timed",
@@ -45,7 +45,8 @@ def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
     """Real bytes at a real terminal: the arm moves, the robot goes to its targets."""
     out = tmp_path / "keys.json"
     words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
-    with User(*words, "--reach", meet_maps[1], columns=100, lines=40) as user:
+    words += ["--reach", meet_maps[1]]
+    with User(*words, columns=100, lines=40, warm={"exercised": True}) as user:
         user.see("of [0-9,]+ edges")
         user.see("0:0[1-9]")
         for keys in (b"wwww", b"\x1b[A\x1b[A", b"+"):
@@ -66,7 +67,8 @@ def test_keys_move_the_arm_whose_targets_are_pursued(meet_maps, tmp_path):
 def test_keys_end_by_ctrl_c_as_shells_expect(meet_maps, tmp_path):
     out = tmp_path / "keys.json"
     words = ["-m", "sim.cli.main", *KEYS, out, "--map", meet_maps[0]]
-    with User(*words, "--reach", meet_maps[1]) as user:
+    words += ["--reach", meet_maps[1]]
+    with User(*words, warm={"exercised": True}) as user:
         user.see("of [0-9,]+ edges")
         user.type(b"\x03")
         assert user.end() == 130 and user.restored

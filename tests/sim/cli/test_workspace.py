@@ -27,7 +27,7 @@ def built(tmp_path_factory):
         *QUICK,
         "--json=facts.json",
     ]
-    with started([*words, "--plot", "cut.png"], folder) as process:
+    with started([*words, "--plot", "cut.png"], folder, warm={}) as process:
         out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     return folder, out, json.loads((folder / "facts.json").read_text())

@@ -27,7 +27,7 @@ def test_without_pybullet_a_film_is_drawn_all_the_same_and_says_how(
     map_dir, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    run(RunRequest(map_dir, "reach", seconds=2.0, out=tmp_path / "new"))
+    run(RunRequest(map_dir, "reach", seconds=0.6, out=tmp_path / "new"))
     for ending in (".gif", "_latency.png", ".json"):
         assert (tmp_path / "new" / f"reach{ending}").stat().st_size > 500
     assert "sphere cover" in (said := capsys.readouterr().out) and "3.11" in said

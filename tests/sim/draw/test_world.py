@@ -1,11 +1,10 @@
 """The pybullet world agrees with exact geometry, and its absence is explained."""
 
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import started
 
 from handover.human.body import JOINTS, BodySizes, Part, UpperBody
 from handover.human.human import Human
@@ -155,13 +154,10 @@ os.write(2, b"stderr is back\\n")
 
 
 def import_in_a_new_process(cwd):
-    root = str(Path(__file__).resolve().parents[3])
-    code = f"import sys; sys.path.append({root!r})\n{IMPORT}"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=cwd, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout, done.stderr
+    with started(["-c", IMPORT], cwd, warm={"modules": ["sim.draw.world"]}) as process:
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    return out, err
 
 
 def test_importing_pybullet_prints_nothing(tmp_path):

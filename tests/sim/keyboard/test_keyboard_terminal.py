@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 from keyboard_pty import User
+from warm_process import WarmPopen
 
 from odm.cell_map.build import build_map
 from odm.cell_map.cell_map import load_map
@@ -97,7 +98,7 @@ sys.exit(run.exit_code)
 
 def fake(term="xterm", size=(80, 24), **options):
     words = ("-c", FAKE, json.dumps(options))
-    return User(*words, columns=size[0], lines=size[1], term=term)
+    return User(*words, columns=size[0], lines=size[1], term=term, warm={})
 
 
 def told(user):
@@ -227,15 +228,17 @@ def test_a_dumb_terminal_gets_lines_and_no_escapes():
 
 def test_without_a_terminal_one_sentence_names_the_other_motions():
     words = ("-m", "sim", "run", "--motion", "keyboard", "--map", "nowhere")
-    done = subprocess.run(
-        [sys.executable, *words],
+    with WarmPopen(
+        words,
         stdin=subprocess.DEVNULL,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert done.returncode == 2
-    lines = done.stderr.splitlines()
+        env=os.environ,
+    ) as process:
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    lines = err.splitlines()
     (sentence,) = [line for line in lines if line.startswith("odm: ")]
     assert "needs a terminal" in sentence and "standard input is none" in sentence
     assert "sweep, reach, jitter, hover, intrusion" in sentence
@@ -292,7 +295,8 @@ def map_dir(crane_urdf, tmp_path_factory):
 
 def test_the_real_loop_ends_with_its_tables_and_its_keys_repeat_it(map_dir, tmp_path):
     out = tmp_path / "run.json"
-    with User("-c", REAL, map_dir, out, columns=100, lines=40) as user:
+    warm = dict(columns=100, lines=40, warm={"exercised": True})
+    with User("-c", REAL, map_dir, out, **warm) as user:
         user.see("of [0-9,]+ edges")
         for keys in (b"\x1b[A" * 6, b"wwww", b"+\x1b[C\x1b[C", b"h"):
             user.type(keys)

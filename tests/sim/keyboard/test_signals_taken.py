@@ -1,9 +1,7 @@
 """Ctrl-C that the keyboard's screen took does not end the process behind its back."""
 
-import subprocess
-import sys
-
 import pytest
+from command_line import started
 
 _CODE = """
 import os, signal, time
@@ -43,14 +41,10 @@ with interrupt.interruptible():
     [(1, False, "SIGINT", 0), (2, True, "SIGINT", 130), (1, True, "SIGTERM", 143)],
 )
 def test_who_took_it_goes_on_and_the_next_one_ends_the_process(
-    taken, again, name, code
+    taken, again, name, code, tmp_path
 ):
-    done = subprocess.run(
-        [sys.executable, "-c", _CODE.format(taken=taken, again=again, name=name)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert "its figures are written" in done.stdout, done.stderr
-    assert done.returncode == code
+    words = ["-c", _CODE.format(taken=taken, again=again, name=name)]
+    with started(words, tmp_path, warm={}) as process:
+        out, err = process.communicate(timeout=60)
+    assert "its figures are written" in out, err
+    assert process.returncode == code

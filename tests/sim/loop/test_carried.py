@@ -30,7 +30,7 @@ def test_a_run_with_a_ball_has_no_contact_while_moving(
 ):
     file = tmp_path / "run.json"
     code, out, err = odm(
-        "run", "--map", map_dir, "--seconds", 8, "--carry", 0.07, "--json", file,
+        "run", "--map", map_dir, "--seconds", 5, "--carry", 0.07, "--json", file,
         "--execution", execution,
     )  # fmt: skip
     assert code == 0, err
@@ -42,7 +42,7 @@ def test_a_run_with_a_ball_has_no_contact_while_moving(
 
 def test_a_recorded_run_has_the_ball_when_it_is_run_again(odm, map_dir, tmp_path):
     file, again, bare = (tmp_path / f"{n}.npz" for n in ("run", "again", "bare"))
-    words = ("run", "--map", map_dir, "--seconds", 4)
+    words = ("run", "--map", map_dir, "--seconds", 2)
     code, _, err = odm(*words, "--carry", 0.07, "--record", file)
     assert code == 0, err
     record = read_record(file)

@@ -87,11 +87,11 @@ def test_a_recorded_run_replayed_is_the_same_bytes(
         words += ["--file", write_bvh(tmp_path / "clip.bvh")]
     record, again = tmp_path / "run.npz", tmp_path / "again.npz"
     shown = tmp_path / "run.json"
-    code, _, err = odm(*words, "--seconds", 2, "--record", record, "--json", shown)
+    code, _, err = odm(*words, "--seconds", 1, "--record", record, "--json", shown)
     assert code == 0, err
     words = ("--map", map_dir, "--record", again, "--json", tmp_path / "again.json")
     code, out, err = odm("replay", record, *words)
-    assert code == 0 and out.startswith("same: 200 frames"), err
+    assert code == 0 and out.startswith("same: 100 frames"), err
     assert again.read_bytes() == record.read_bytes()
     told = json.loads(shown.read_text())["run"]
     del told["timing"]
@@ -296,7 +296,7 @@ words = ["run", "--map", {str(map_dir)!r}, "--seconds", "10", "--record", "run.n
 sys.argv = ["odm", *words]
 main()
 """
-    with started(["-c", script], tmp_path) as process:
+    with started(["-c", script], tmp_path, warm={"exercised": True}) as process:
         err = process.communicate(timeout=60)[1]
     assert process.returncode == 143 and "123 frames in run.npz" in err, err
     assert err.count("interrupted") == 1 and "Traceback" not in err
@@ -306,7 +306,8 @@ main()
 @pytest.mark.parametrize("end", [b"q", b"\x03"])
 def test_a_live_run_with_the_keyboard_is_repeated(end, map_dir, tmp_path):
     out = tmp_path / "run.npz"
-    with User("-c", LIVE, map_dir, out, columns=100, lines=40) as user:
+    warm = dict(columns=100, lines=40, warm={"exercised": True})
+    with User("-c", LIVE, map_dir, out, **warm) as user:
         user.see("of [0-9,]+ edges")
         for keys in (b"\x1b[A" * 6, b"wwww", b"+\x1b[C\x1b[C"):
             user.type(keys)

@@ -93,8 +93,11 @@ def story_of(
     return sim.Handover(planner, targets, executor, settings), human
 
 
-def tell(story, seconds, look):
-    """Run a story; `look(story, now, opened, closed)` returns the frame."""
+def tell(story, seconds, look, until=None):
+    """Run a story; `look(story, now, opened, closed)` returns the frame.
+
+    It ends with the story, after so many seconds, or once it is in the state `until`.
+    """
     since, fingers = 0.0, story.fingers
     for k in range(int(seconds / PERIOD)):
         now = PERIOD * k
@@ -103,7 +106,7 @@ def tell(story, seconds, look):
         done = now - since >= 0.15 or not k
         opened, closed = done and fingers == "open", done and fingers == "closed"
         story.update(look(story, now, opened, closed))
-        if story.ended:
+        if story.ended or story.state == until:
             break
     return [event.state for event in story.events]
 
@@ -151,19 +154,20 @@ def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(
     kept = ~np.isin(human.labels, ARM_LABELS.get(armless, ()))
 
     def look(story, now, opened, closed):
-        who = human if now < 3.0 else reaching
+        who = human if now < 2.3 else reaching  # it is there by then
         rows = who.capsules()[kept]
         rows = rows if now else np.nan * rows  # the tracker knows nobody at first
         told = dict(holds=True, capsules=rows, labels=human.labels[kept])
         return sim.StoryFrame(now, who, pulled(0.0), opened, **told)
 
-    tell(story, 4.5, look)
+    tell(story, 3.4, look)
     told = [e for e in story.events if e.signal == "other_hand"]
+    assert story.events[0].state == "present" and story.events[0].time_s < 2.3
     assert len(told) == (side == "left") and story.sight.side == side
     assert story.targets.meet.settings.side == side
     arm = story.sight.parts(human.labels)[1]
     assert set(human.labels[arm]) == set(ARM_LABELS[side])
-    assert [e.time_s for e in told] == pytest.approx([3.5] * len(told), abs=0.05)
+    assert [e.time_s for e in told] == pytest.approx([2.8] * len(told), abs=0.05)
 
 
 def test_who_gives_something_is_not_asked_for_the_other_hand(maps):
@@ -411,8 +415,8 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
         told = dict(opened=opened, holds=not opened, capsules=seen, labels=labels)
         return sim.StoryFrame(now, human, pulled(0.0), **told)
 
-    tell(story, 6.0, look)
-    assert [event.state for event in story.events[:2]] == ["present", "wait"]
+    tell(story, 4.2, look)
+    assert [event.state for event in story.events] == ["present", "wait"]
     assert story.events[1].signal == "near" and "near" in story.events[1].reason
     assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
     assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
@@ -449,7 +453,7 @@ def test_what_the_fingers_hold_is_in_the_map_from_the_first_frame_to_the_last(
         felt.append((story.state, holds, story.planner.attached is not None))
         return sim.StoryFrame(now, human, None, opened, holds)
 
-    tell(story, 12.0, look)
+    tell(story, 12.0, look, until="approach" if state == FETCH else "retreat")
     assert story.events[0].signal == ("held" if state == FETCH else "placed")
     held = [attached for where, holds, attached in felt if where == state and holds]
     # one frame tells the story that they hold it; from then on the map has it
@@ -1021,7 +1025,7 @@ def test_a_giver_who_holds_on_gets_it_back(maps):
     def held_at(story):
         return story.fingers == "closed"
 
-    story, states = receive(maps, held_at, wait_s=5.0, tug=12.0, gone=2.0)
+    story, states = receive(maps, held_at, wait_s=2.5, tug=12.0, gone=2.0)
     assert states == ["wait", "close", "retreat", "done"]
     assert story.outcome == "the person holds on: it lets go" and not story.holding
 

@@ -16,7 +16,7 @@ from sim.cli import main as cli
 from sim.terminal.ahead import TABLE, decoded
 
 map_dir, reach = sys.argv[1:]
-at = ["--map", map_dir, "--seconds", "1"]
+at = ["--map", map_dir, "--seconds", "0.2"]  # after a rehearsal of 3 s
 for words in (
     ["--motion", "sweep", "--execution", "timed"],
     ["--targets", "meet", "--reach", reach],
