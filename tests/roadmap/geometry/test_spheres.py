@@ -272,6 +272,7 @@ def test_a_link_of_many_solids_is_held_by_no_more_samples(monkeypatch):
             super().__init__(points, *rest)
 
     monkeypatch.setattr(spheres, "_Sampled", Counted)
+    monkeypatch.setattr(spheres, "_ROUNDS", 100)  # fewer spheres are not looked for
     for n in (32, 128):
         poses = np.tile(np.eye(4), (n, 1, 1))
         poses[:, :2, 3] = [(0.02 * (k % 8), 0.02 * (k // 8)) for k in range(n)]
