@@ -34,14 +34,12 @@ def centers(arm, robot, q) -> np.ndarray:
 def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
     """Unpack (block, mask) pairs to cells."""
     _, ny, nz = (int(v) for v in blocks)
-    found = set()
-    for b, mask in zip(ids.tolist(), masks.tolist(), strict=True):
-        base = (4 * (b // (ny * nz)), 4 * (b // nz % ny), 4 * (b % nz))
-        for k in range(64):
-            if mask >> k & 1:
-                step = (k >> 4, k >> 2 & 3, k & 3)
-                found.add(tuple(base[a] + step[a] for a in range(3)))
-    return found
+    b = np.asarray(ids, np.int64)
+    base = 4 * np.stack([b // (ny * nz), b // nz % ny, b % nz], axis=-1)
+    k = np.arange(64)
+    step = np.stack([k >> 4, k >> 2 & 3, k & 3], axis=-1)
+    row, bit = np.nonzero(np.asarray(masks, np.uint64)[:, None] >> k.astype("u8") & 1)
+    return set(map(tuple, (base[row] + step[bit]).tolist()))
 
 
 @lru_cache(maxsize=8192)
