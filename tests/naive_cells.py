@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from scipy.spatial import cKDTree
 
 from roadmap.kinematics.forward import body_frames
 
@@ -14,12 +14,12 @@ def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, in
     at = (np.asarray(center) - origin) / h
     first = np.maximum(0, np.floor(at - radius / h).astype(int) - 2)
     last = np.minimum(4 * np.asarray(blocks), np.ceil(at + radius / h).astype(int) + 2)
-    axes = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
-    low = origin + h * cells
-    nearest = np.clip(center, low, low + h)
-    hit = np.linalg.norm(nearest - center, axis=-1) <= radius
-    return set(map(tuple, cells[hit].tolist()))
+    away = []  # squared, along each axis, from the slices of cells across it
+    for k in range(3):
+        low = origin[k] + h * np.arange(first[k], last[k])
+        away.append((np.clip(center[k], low, low + h) - center[k]) ** 2)
+    far2 = away[0][:, None, None] + away[1][:, None] + away[2]
+    return set(map(tuple, (np.argwhere(np.sqrt(far2) <= radius) + first).tolist()))
 
 
 def centers(arm, robot, q) -> np.ndarray:
@@ -77,9 +77,8 @@ def free_items(cell_map, points) -> tuple[np.ndarray, np.ndarray]:
 
 def smallest_gap(cell_map, q_a, dq, points, n=400) -> float:
     """Return the least of |centre - point| - r over dense samples of a motion [m]."""
-    arm, best = cell_map.arm, np.inf
-    for t in np.linspace(0, 1, n):
-        c = centers(arm, cell_map.robot, q_a + t * dq)
-        d = cdist(c, points) - arm.spheres[:, None, 3]
-        best = min(best, d.min(initial=np.inf))
-    return best
+    if not len(points):
+        return np.inf
+    arm, nearest = cell_map.arm, cKDTree(points)
+    at = [centers(arm, cell_map.robot, q_a + t * dq) for t in np.linspace(0, 1, n)]
+    return (nearest.query(np.array(at))[0] - arm.spheres[:, 3]).min()
