@@ -40,6 +40,7 @@ def test_a_pose_is_refused_where_it_is_no_rigid_motion(rng):
         T[i, j] += rng.choice([0.0, 1e-12, 2e-7, 1e-5, 0.1])
         i, j = rng.choice(3, 2, replace=False)
         T[i, :3] += rng.choice([0.0, 0.0, 2e-7, 1e-5]) * T[j, :3]  # skewed alone
+        T[i, :3] *= rng.choice([1.0, 1.0, 1.0 + 1e-7, 1.0 + 1e-5])  # stretched alone
         if k % 5 == 0:
             T[:3, rng.integers(3)] *= -1.0  # mirrored
         if is_rigid(T):
