@@ -101,6 +101,8 @@ class ExactRobot:
         cap: float = np.inf,
     ) -> Nearest:
         """Return the same for the solids chosen by `use` (n,) bool alone."""
+        if not len(obstacles.frames):
+            return Nearest(float(cap), 0.0, "", None)  # nothing there, wherever it is
         frames, found = self.frames(q), np.empty(2, np.int64)
         best, gap = kernels.nearest_pair(
             self.convexes, use, frames, obstacles.convexes, obstacles.frames,
