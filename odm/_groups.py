@@ -5,6 +5,7 @@ From that its arrays are made (`new`), checked (`check`) and, in the planner's t
 viewed (`odm/search/_state.py`).
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,24 +52,30 @@ def declared(kind: type) -> dict[str, Declared]:
 
 def length(axis: str, sizes: dict[str, int]) -> int:
     """Return the length of an axis where the names in it have these sizes."""
-    total = 0
+    if axis in sizes:
+        return sizes[axis]
+    return sum(n * sizes[name] if name else n for n, name in _terms(axis))
+
+
+@lru_cache(maxsize=256)
+def _terms(axis: str) -> tuple[tuple[int, str], ...]:
+    """Return factor and name of each term of an axis; a number has no name."""
+    terms = []
     for term in axis.split("+"):
         factor, _, name = term.rpartition("*")
-        one = int(name) if name.isdigit() else sizes[name]
-        total += int(factor or 1) * one
-    return total
+        n = int(factor or 1)
+        terms.append((n * int(name), "") if name.isdigit() else (n, name))
+    return tuple(terms)
 
 
 def new(kind: type, sizes: dict[str, int], **given: object) -> Any:  # noqa: ANN401
     """Return a group of this class: what is not given is made and filled."""
-    made = {
-        name: np.full(
-            tuple(length(axis, sizes) for axis in field.axes), field.fill, field.dtype
-        )
-        for name, field in declared(kind).items()
-        if name not in given
-    }
-    return kind(**made, **given)
+    for name, field in declared(kind).items():
+        if name not in given:
+            made = np.empty([length(axis, sizes) for axis in field.axes], field.dtype)
+            made.fill(field.fill)  # by `zeros` its pages would come in a frame
+            given[name] = made
+    return kind(**given)
 
 
 def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
@@ -87,15 +94,15 @@ def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
             )
         for (key, field), value in zip(declared(kind).items(), group, strict=True):
             _check_type(f"{name}.{key}", field, value, block)
-            for axis, n in zip(field.axes, np.shape(value), strict=True):
+            for axis, n in zip(field.axes, getattr(value, "shape", ()), strict=True):
                 if axis.isidentifier():
                     sizes.setdefault(axis, n)
     for name, (kind, group) in groups.items():
         for (key, field), value in zip(declared(kind).items(), group, strict=True):
-            shape = tuple(length(axis, sizes) for axis in field.axes)
-            if np.shape(value) != shape:
+            shape = tuple([length(axis, sizes) for axis in field.axes])
+            if field.axes and value.shape != shape:
                 raise BadInput(
-                    f"{name}.{key} has shape {np.shape(value)}, but {shape} is "
+                    f"{name}.{key} has shape {value.shape}, but {shape} is "
                     f"declared ({', '.join(field.axes)})"
                 )
 

@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from scipy.spatial import cKDTree
 
 from roadmap.kinematics.forward import body_frames
 
@@ -14,12 +14,12 @@ def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, in
     at = (np.asarray(center) - origin) / h
     first = np.maximum(0, np.floor(at - radius / h).astype(int) - 2)
     last = np.minimum(4 * np.asarray(blocks), np.ceil(at + radius / h).astype(int) + 2)
-    axes = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
-    low = origin + h * cells
-    nearest = np.clip(center, low, low + h)
-    hit = np.linalg.norm(nearest - center, axis=-1) <= radius
-    return set(map(tuple, cells[hit].tolist()))
+    away = []  # squared, along each axis, from the slices of cells across it
+    for k in range(3):
+        low = origin[k] + h * np.arange(first[k], last[k])
+        away.append((np.clip(center[k], low, low + h) - center[k]) ** 2)
+    far2 = away[0][:, None, None] + away[1][:, None] + away[2]
+    return set(map(tuple, (np.argwhere(np.sqrt(far2) <= radius) + first).tolist()))
 
 
 def centers(arm, robot, q) -> np.ndarray:
@@ -34,14 +34,12 @@ def centers(arm, robot, q) -> np.ndarray:
 def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
     """Unpack (block, mask) pairs to cells."""
     _, ny, nz = (int(v) for v in blocks)
-    found = set()
-    for b, mask in zip(ids.tolist(), masks.tolist(), strict=True):
-        base = (4 * (b // (ny * nz)), 4 * (b // nz % ny), 4 * (b % nz))
-        for k in range(64):
-            if mask >> k & 1:
-                step = (k >> 4, k >> 2 & 3, k & 3)
-                found.add(tuple(base[a] + step[a] for a in range(3)))
-    return found
+    b = np.asarray(ids, np.int64)
+    base = 4 * np.stack([b // (ny * nz), b // nz % ny, b % nz], axis=-1)
+    k = np.arange(64)
+    step = np.stack([k >> 4, k >> 2 & 3, k & 3], axis=-1)
+    row, bit = np.nonzero(np.asarray(masks, np.uint64)[:, None] >> k.astype("u8") & 1)
+    return set(map(tuple, (base[row] + step[bit]).tolist()))
 
 
 @lru_cache(maxsize=8192)
@@ -79,9 +77,8 @@ def free_items(cell_map, points) -> tuple[np.ndarray, np.ndarray]:
 
 def smallest_gap(cell_map, q_a, dq, points, n=400) -> float:
     """Return the least of |centre - point| - r over dense samples of a motion [m]."""
-    arm, best = cell_map.arm, np.inf
-    for t in np.linspace(0, 1, n):
-        c = centers(arm, cell_map.robot, q_a + t * dq)
-        d = cdist(c, points) - arm.spheres[:, None, 3]
-        best = min(best, d.min(initial=np.inf))
-    return best
+    if not len(points):
+        return np.inf
+    arm, nearest = cell_map.arm, cKDTree(points)
+    at = [centers(arm, cell_map.robot, q_a + t * dq) for t in np.linspace(0, 1, n)]
+    return (nearest.query(np.array(at))[0] - arm.spheres[:, 3]).min()

@@ -1,11 +1,13 @@
 """Shapes drawn at random, and slow distances from them: shared by tests of solids."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import odm
 from odm.exact._distances import POINTS, Convexes, core_distance, nearest_pair
-from odm.exact.distances import gather, obstacles_of
+from odm.exact.distances import ExactObstacles, gather, obstacles_of
 from odm.obstacles.obstacles import SolidRoom
 from roadmap.transforms import flat_pose
 
@@ -113,9 +115,13 @@ def near_a_link(exact, q, kind, rng, gaps=(3e-4, 4e-3)):
     side = rng.normal(size=3)
     side /= np.linalg.norm(side)
     T, low, high = np.eye(4), 0.0, 1.0
+    around = obstacles_of([shape])
+    assert not around.hollow  # whose triangles would have to go with it
     for _ in range(16):
         T[:3, 3] = tip - shape.T_base_shape[:3, 3] + 0.5 * (low + high) * side
-        near = exact.distance(q, [shape.moved(T)], cap=0.1).distance < want
+        frames = flat_pose((T @ shape.T_base_shape)[None])
+        there = replace(around, frames=np.repeat(frames, len(around.frames), axis=0))
+        near = exact.distance(q, there, cap=0.1).distance < want
         low, high = (0.5 * (low + high), high) if near else (low, 0.5 * (low + high))
     T[:3, 3] = tip - shape.T_base_shape[:3, 3] + high * side
     shape = shape.moved(T)
@@ -125,5 +131,7 @@ def near_a_link(exact, q, kind, rng, gaps=(3e-4, 4e-3)):
 
 def least_on(exact, q, dq, around):
     """Return the least exact distance along a motion [m]."""
+    if not isinstance(around, ExactObstacles):
+        around = obstacles_of(around)
     places = np.linspace(0.0, 1.0, 80)
     return min(exact.distance(q + t * dq, around, cap=0.05).distance for t in places)

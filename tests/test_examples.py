@@ -60,7 +60,7 @@ def test_a_person_who_comes_nearer_is_named(example, small_arm, capsys):
 
 
 def test_two_robots_work_beside_each_other(example, small_arm):
-    result = example(6)(small_arm, 12.0)
+    result = example(6)(small_arm, 9.0)
     assert min(result["trips"]) >= 1 and result["closest"] > 0.0
 
 

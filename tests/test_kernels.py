@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import sources
 from numba import njit
 from numba.core.errors import NumbaError
 
@@ -25,7 +26,7 @@ Kernel = tuple[str, str]  # module and name
 def _parsed() -> dict[str, ast.Module]:
     files = [f for p in (*PACKAGES, "tests") for f in (TOP / p).rglob("*.py")]
     return {
-        ".".join(f.relative_to(TOP).with_suffix("").parts): ast.parse(f.read_text())
+        ".".join(f.relative_to(TOP).with_suffix("").parts): sources.tree(f)
         for f in files
     }
 

@@ -5,9 +5,11 @@ import importlib
 import pkgutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
+from sources import nodes, tree
 
 ROOT = Path(__file__).resolve().parent.parent
 ORDER = ["roadmap", "odm", "handover", "sim"]
@@ -21,10 +23,11 @@ SCIPY = {f"scipy.{name}" for name in ("spatial", "sparse", "stats", "optimize")}
 HEAVY = {"trimesh", "yourdfpy", "fcl", "networkx", "lxml", "matplotlib", *SCIPY}
 
 
+@cache
 def imported(path):
     """Return the top-level names of all modules that a file imports."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -58,8 +61,7 @@ def test_the_planner_knows_no_simulator_and_no_terminal(package):
 @pytest.mark.parametrize("package", PLANNER)
 def test_the_planner_never_prints(package):
     for path in files(package):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
+        names = {n.id for n in nodes(path) if isinstance(n, ast.Name)}
         assert "print" not in names, path
 
 
@@ -74,7 +76,7 @@ def test_every_name_of_a_door_exists(package):
 @pytest.mark.parametrize("package", ORDER)
 def test_every_package_opens_with_one_sentence(package):
     for path in (p for p in files(package) if p.name == "__init__.py"):
-        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        text = ast.get_docstring(tree(path))
         assert text, path
         first = text.strip().split("\n\n")[0].replace("\n", " ")
         assert first.endswith(".") and ". " not in first, path

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
+from sources import nodes, tree
 
 ROOT = Path(__file__).resolve().parent.parent
 # each imports those before it only; files directly in a package come first
@@ -70,17 +71,6 @@ MODULES = modules()
 INSIDE = {
     n: f for n, f in MODULES.items() if f.name not in ("__init__.py", "__main__.py")
 }
-
-
-@cache
-def tree(file):
-    return ast.parse(file.read_text(encoding="utf-8"))
-
-
-@cache
-def nodes(file):
-    """Return all that is written in a file."""
-    return list(ast.walk(tree(file)))
 
 
 @cache

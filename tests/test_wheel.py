@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from setuptools import PEP420PackageFinder
+from sources import nodes
 
 from roadmap.errors import BadInput
 from sim.cli import bench_command
@@ -44,7 +45,7 @@ def test_what_is_shipped_imports_no_bench_but_to_run_it(shipped):
     bad = []
     for package in shipped:
         for file in (ROOT / package.replace(".", "/")).glob("*.py"):
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            for node in nodes(file):
                 if isinstance(node, ast.Import | ast.ImportFrom):
                     source = getattr(node, "module", None)
                     names = [

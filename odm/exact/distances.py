@@ -101,6 +101,8 @@ class ExactRobot:
         cap: float = np.inf,
     ) -> Nearest:
         """Return the same for the solids chosen by `use` (n,) bool alone."""
+        if not len(obstacles.frames):
+            return Nearest(float(cap), 0.0, "", None)  # nothing there, wherever it is
         frames, found = self.frames(q), np.empty(2, np.int64)
         best, gap = kernels.nearest_pair(
             self.convexes, use, frames, obstacles.convexes, obstacles.frames,
@@ -281,7 +283,6 @@ def solid_part(kind: int, size: np.ndarray, points: np.ndarray) -> tuple:
 def gather(parts: list[tuple], owner: np.ndarray) -> kernels.Convexes:
     """Lay parts (see `shape_parts`) and their owners out for the compiled loops."""
     lengths = [len(p[0]) for p in parts]
-    balls = [_ball(*part) for part in parts]
     stacked = [p[0] for p in parts] + [np.empty((0, 3))]
     return kernels.Convexes(
         kind=np.array([kernels.ROUND if n == 0 else kernels.POINTS for n in lengths]),
@@ -289,14 +290,22 @@ def gather(parts: list[tuple], owner: np.ndarray) -> kernels.Convexes:
         points=np.ascontiguousarray(np.concatenate(stacked)),
         size=np.array([p[2:] for p in parts], float).reshape(-1, 2),
         margin=np.array([p[1] for p in parts], float),
-        ball=np.array(balls, float).reshape(-1, 4),
+        ball=_balls(parts, lengths),
         owner=np.array(owner, np.int64),
     )
 
 
-def _ball(points, margin, radius, half):
-    if len(points) == 0:
-        return 0.0, 0.0, 0.0, np.hypot(radius, half) + 1e-12
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    far = np.linalg.norm(points - center, axis=1).max()
-    return *center, far + margin + 1e-12
+def _balls(parts: list[tuple], lengths: list[int]) -> np.ndarray:
+    """Return a ball around each part (n, 4): those of as many points at once."""
+    balls = np.zeros((len(parts), 4))
+    for n in set(lengths):
+        same = [k for k, length in enumerate(lengths) if length == n]
+        _, margin, radius, half = zip(*[parts[k] for k in same], strict=True)
+        if n == 0:
+            balls[same, 3] = np.hypot(radius, half) + 1e-12
+            continue
+        points = np.array([parts[k][0] for k in same])
+        center = 0.5 * (points.min(axis=1) + points.max(axis=1))
+        far = np.linalg.norm(points - center[:, None], axis=2).max(axis=1)
+        balls[same, :3], balls[same, 3] = center, far + margin + 1e-12
+    return balls

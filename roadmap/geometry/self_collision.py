@@ -80,7 +80,8 @@ def self_collision(robot: Robot) -> SelfCollision:
             reach.append(relative_reach(robot, a, b))
     pair_i = frozen(np.array(rows).reshape(-1, 8), np.int32)
     links = robot.shell_link[pair_i[:, :2]]
-    shells = [robot.shell_points[a:b] for a, b in pairwise(robot.shell_ptr)]
+    ends = pairwise(robot.shell_ptr)
+    shells = [robot.shell_points[a:b].tobytes() for a, b in ends]
     model = kernels.SelfModel(
         robot.tree_i,
         robot.tree_f,
@@ -191,8 +192,10 @@ def _contact_share(robot: Robot) -> dict[tuple[int, int], float]:
     middle = (robot.lower + robot.upper) / 2
     home = np.clip(0.0, robot.lower, robot.upper)
     contacts = np.zeros((_SAMPLES + 2, len(tested.links)), np.bool_)
+    work = tested.scratch()
     for k, q in enumerate([middle, home, *samples]):
-        kernels.contacts(tested.model, q, tested.scratch(), contacts[k])
+        work.axes[:] = 0.0  # no sample begins where another ended
+        kernels.contacts(tested.model, q, work, contacts[k])
     share = {}
     for pair in map(tuple, robot.self_pairs.tolist()):
         rows = (tested.links == pair).all(axis=1) | (tested.links[:, ::-1] == pair).all(
@@ -228,11 +231,13 @@ def _ancestors(robot: Robot, body: int) -> list[int]:
     return chain
 
 
-def _rod(points: np.ndarray) -> tuple[float, ...]:
-    """Return a rod around the points, ends of its axis and radius: the least of three.
+@lru_cache(maxsize=256)  # a robot's shells stay where its pairs change
+def _rod(shell: bytes) -> tuple[float, ...]:
+    """Return a rod around a shell, ends of its axis and radius: the least of three.
 
-    Its axis goes along one of the points' principal axes.
+    Its axis goes along one of the points' principal axes. `shell` are (n, 3) floats.
     """
+    points = np.frombuffer(shell).reshape(-1, 3)
     off = points - points.mean(axis=0)
     turned = np.linalg.eigh(off.T @ off)[1].T
     best: tuple[float, ...] = ()
@@ -255,8 +260,10 @@ def _rod(points: np.ndarray) -> tuple[float, ...]:
     return best
 
 
-def _ball(points: np.ndarray) -> tuple[float, ...]:
-    """Return a small ball around the points, by the walk of [Badoiu2003]."""
+@lru_cache(maxsize=256)
+def _ball(shell: bytes) -> tuple[float, ...]:
+    """Return a small ball around a shell, as `_rod`, by the walk of [Badoiu2003]."""
+    points = np.frombuffer(shell).reshape(-1, 3)
     center = points.mean(axis=0)
     for k in range(1, 200):
         far = points[((points - center) ** 2).sum(axis=1).argmax()]

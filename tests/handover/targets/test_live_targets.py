@@ -48,8 +48,11 @@ def moved(robot, q, path):
 def run(live, q, people, pace=True):
     """Run a frame for every person; return where the robot is and all pursuits."""
     robot, pursuits = live.planner.robot, []
+    points = {}
     for human in people:
-        answer = live.step(human, human.surface_points(), q)
+        if id(human) not in points:
+            points[id(human)] = human.surface_points()
+        answer = live.step(human, points[id(human)].copy(), q)
         pursuits.append(live.pursuit)
         if answer.status != "holding" and pace:
             q = moved(robot, q, answer.path)

@@ -124,7 +124,7 @@ def test_a_wrong_answer_is_told(carrying_map, judge):
     path = q + shares * (to - q)
     verdicts = [
         judge.judge(world, points, q, np.array([q, at]), True)
-        for at in life.cell_map.roadmap.nodes
+        for at in life.cell_map.roadmap.nodes[::4]
     ]
     assert any(v.wrong for v in verdicts)
     assert not all(v.wrong for v in verdicts)

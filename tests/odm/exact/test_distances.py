@@ -192,6 +192,19 @@ def test_a_cap_changes_nothing_below_it(panda):
         assert near.distance == pytest.approx(min(full.distance, 0.05), abs=1e-9)
 
 
+def test_where_nothing_is_the_distance_is_the_cap(panda):
+    exact, q, found = ExactRobot(panda), np.zeros(7), np.empty(2, np.int64)
+    none, use = obstacles_of([]), np.ones(len(exact.body), bool)
+    for cap in (0.1, np.inf):
+        slow = kernels.nearest_pair(
+            exact.convexes, use, exact.frames(q), none.convexes, none.frames, cap, found
+        )
+        near = exact.distance(q, none, cap)
+        assert (near.distance, near.gap) == slow == (cap, 0.0)
+        assert near.link == "" and near.other is None
+        assert not exact.collides(q, [])
+
+
 def test_the_links_are_points_of_the_solids_moved_by_the_kinematics(panda):
     """A vertex of the tool's hull is at distance radius from a ball around it."""
     exact, q = ExactRobot(panda), np.array([0.3, 0.2, -0.4, -1.8, 0.1, 1.9, 0.5])

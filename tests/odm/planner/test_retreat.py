@@ -30,15 +30,14 @@ def slow_gap(planner, q, there, enough):
 
     One that is at most `enough` is told as soon as it is found, not the least.
     """
-    shapes, points = there
+    solids, n_shapes, points = there
     arm = planner.memory.arm
     at, radii = centers(arm, planner.robot, q), arm.spheres[:, 3]
-    solids = solids_of(shapes)
     best = np.inf
     if len(points):
         best = (cdist(at, points) - radii[:, None]).min()
     for place, radius in zip(at, radii, strict=True):
-        for k in range(len(shapes)):
+        for k in range(n_shapes):
             if best <= enough:
                 return best
             best = min(best, solid_distance(solids, k, *place, np.inf) - radius)
@@ -109,6 +108,7 @@ def test_an_evasion_is_the_best_of_those_to_the_near_nodes(planner, rng, kind):
             (t, odm.Obstacles.of(shapes, points))
             for t, (shapes, points) in zip(TIMES, there, strict=True)
         ]
+        there = [(solids_of(s), len(s), points) for s, points in there]
         slow, stays = slow_evasion(
             planner, q, list(zip(TIMES, there, strict=True)), 0.5
         )

@@ -16,7 +16,7 @@ from odm.planner.saved_memory import differences
 from roadmap.kinematics.forward import sphere_centers
 
 TIGHT = odm.PlannerSettings(tight_ends=True)
-RADIUS = 0.01  # [m] no place of a cloud's surface is farther from a point
+RADIUS = 0.02  # [m] no place of a cloud's surface is farther from a point
 
 
 def tell(planner, shape, how, q):

@@ -149,10 +149,9 @@ def _beside_a_blend(planner, path):
             inwards /= np.linalg.norm(inwards)
             point = at[i] + (grown[i] - 3e-4) * inwards
             there_is(static, point)
-            free = all(
-                static.motion_free(a, d) for a, d in zip(path, legs, strict=False)
-            )
-            if free and not static.motion_free(q, np.zeros_like(q)):
+            if static.motion_free(q, np.zeros_like(q)):
+                continue
+            if all(static.motion_free(a, d) for a, d in zip(path, legs, strict=False)):
                 return q, point
     return None
 

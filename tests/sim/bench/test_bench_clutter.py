@@ -11,8 +11,14 @@ from odm.close_test.safety import Safety
 from odm.exact.distances import ExactRobot
 from roadmap.graph.connecting import RoadmapSettings
 from roadmap.kinematics.forward import tool_pose
-from sim.bench.core import clutter
+from sim.bench.core import clutter, clutter_scenes
 from sim.bench.core.clutter_scenes import APART, CLEAR, KINDS, make_scenes
+
+
+@pytest.fixture(autouse=True)
+def few_to_choose_from(monkeypatch):
+    """Draw the ends of scenes from fewer configurations: those are as good."""
+    monkeypatch.setattr(clutter_scenes, "_POOL", 20_000)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +71,7 @@ def test_the_short_bench_reports_every_figure_as_plain_data(
     odm, map_dir, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(clutter, "LIMIT_S", 0.05)  # how long OMPL takes is not tested
-    monkeypatch.setattr(clutter, "STEP", 0.016)  # more than 1000 looks again, still
+    monkeypatch.setattr(clutter, "STEP", 0.03)  # more than 1000 looks again, still
     file = tmp_path / "clutter.json"
     code, out, _ = odm("bench", "clutter", "--map", map_dir, "--short", "--json", file)
     result = json.loads(file.read_text())

@@ -23,6 +23,7 @@ from sim.people.scenes import (
 )
 
 EXECUTIONS = ("kinematic", "timed")
+LONG_S = {"hold": 9.0, "backoff": 7.0, "escape": 8.0}  # till what it is to show is over
 BACKING, ESCAPING = RETREATS.index("backing off"), RETREATS.index("escaping")
 
 
@@ -47,7 +48,8 @@ def played(crane_map):
         if (name, execution) not in known:
             planner = odm.ReactivePlanner(crane_map)
             scene = before_work_places(make_scene(name), planner.robot, PLACES)
-            settings = LoopSettings(duration_s=12.0, execution=execution, keep_paths=8)
+            how = {"execution": execution, "keep_paths": 8}
+            settings = LoopSettings(duration_s=LONG_S[name], **how)
             frames = []
             loop = Loop(planner, planner.robot, PLACES, scene, settings)
             result = run_frames(loop, frames.append)
@@ -141,7 +143,7 @@ def test_the_film_of_a_scene_shows_its_state_from_the_start(
         draw(self, result, frame)
 
     monkeypatch.setattr(animation._Painter, "_draw_caption", note)
-    film = animation.FilmSettings(width=160, height=120, frames=150, begin_s=0.0)
+    film = animation.FilmSettings(width=160, height=120, frames=25, begin_s=0.0)
     _, result, _ = played("escape", "kinematic")
     world = CoverWorld(crane)
     path = tmp_path / "escape.gif"

@@ -42,9 +42,9 @@ def test_both_work_and_never_touch(result):
 
 
 def test_the_same_input_gives_the_same_run(small_map, result):
-    again = run_two((small_map, small_map), FACING, replace(BRIEF, duration_s=4.0))
+    again = run_two((small_map, small_map), FACING, replace(BRIEF, duration_s=2.5))
     n = len(again.separation)
-    assert n == 400 and len(result.separation) == 800
+    assert n == 250 and len(result.separation) == 800
     for k in range(2):
         assert np.array_equal(again.q[k], result.q[k][:n])
     assert np.array_equal(again.separation, result.separation[:n])
