@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from forms import size
 from recorded import PLACES, crane_recipe
 
 import odm
@@ -49,7 +50,7 @@ def played(crane_map):
             planner = odm.ReactivePlanner(crane_map)
             scene = before_work_places(make_scene(name), planner.robot, PLACES)
             how = {"execution": execution, "keep_paths": 8}
-            settings = LoopSettings(duration_s=LONG_S[name], **how)
+            settings = LoopSettings(duration_s=size(LONG_S[name], 12.0), **how)
             frames = []
             loop = Loop(planner, planner.robot, PLACES, scene, settings)
             result = run_frames(loop, frames.append)
