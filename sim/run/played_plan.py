@@ -92,16 +92,14 @@ def _planned_agent(record: Mapping, who: str) -> PlannedAgent:
             f"the URDF {file} of the plan's {agent['name']} is not there; put it there "
             "or make the plan again"
         )
-    body = agent_body(str(file))
-    links = [hold["link"] for hold in record["holds"] if hold["who"] == who]
-    for kind, named, there in (
-        ("joint", agent["joints"], body.joints),
-        ("link", links, body.links),
-    ):
-        for name in set(named) - set(there):
-            raise BadInput(f"{file} has no {kind} {name!r} of the plan; correct one")
-    for name in set(body.joints) - set(agent["joints"]):
-        raise BadInput(f"the plan's {agent['name']} lacks joint {name!r}; add it")
+    body, whose = agent_body(str(file)), f"the plan's {agent['name']}"
+    body.checked(agent["joints"], whose)
+    for joint in body.joints:
+        if joint not in agent["joints"]:
+            raise BadInput(f"{whose} lacks joint {joint!r}; add it")
+    for hold in record["holds"]:
+        if hold["who"] == who and hold["link"] not in body.links:
+            raise BadInput(f"{whose} has no link {hold['link']!r}; correct the holds")
     return PlannedAgent(body, np.array(agent["T_world_base"], float))
 
 
