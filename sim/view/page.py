@@ -27,6 +27,7 @@ from sim.view.stage import Stage
 RATE_HZ = 30.0  # pictures a second
 _IDLE_S = 0.05  # from look to look while nobody watches
 _WHOLE = 8  # so many capsules are a whole person
+_SAME_PLACE = 1e-3  # a camera this near to a place is at it [m]
 _FAR = 3.0  # a hand is not dragged farther from the base [m]
 
 
@@ -200,7 +201,7 @@ class Page:
             camera.position, camera.look_at = eye, target
             camera.fov = theme.FOV
         for number, client in clients.items():
-            if number in self._seen or not whole:
+            if not whole or number in self._seen and not self._reset(client.camera):
                 continue
             self._seen.add(number)
             size = client.camera.image_width, client.camera.image_height
@@ -210,6 +211,22 @@ class Page:
                 client.camera.fov = theme.FOV
                 client.camera.position = eye
                 client.camera.look_at = target
+
+    def _reset(self, camera: viser.CameraHandle) -> bool:
+        """Return whether a camera went to where one stands for no window of its own.
+
+        By "Reset View", or as its page drew for the first time, on a busy machine
+        after it was placed for its window.
+        """
+        first = self.server.initial_camera
+        size = camera.image_width, camera.image_height
+        return size != theme.WINDOW and all(
+            np.allclose(there, at, rtol=0.0, atol=_SAME_PLACE)
+            for there, at in (
+                (camera.position, first.position),
+                (camera.look_at, first.look_at),
+            )
+        )
 
 
 def _side(moment: Moment) -> float:

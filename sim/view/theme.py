@@ -8,6 +8,7 @@ from sim.view import moment as m
 
 _STANDS = 0.1  # nobody's lowest part is thicker [m]
 _PUT_AWAY = -4.0  # nobody stands so far below the robot's base [m]
+WINDOW = (1440, 900)  # where a window is not known: width and height [px]
 PANEL = 350  # width of the panel at the right, with its margin [px]
 _NARROW = 576  # where a window is no wider, the panel is at its foot [px]
 FOV = np.radians(38.0)  # vertical opening of the camera [rad]
@@ -69,7 +70,7 @@ def lowest_of(capsules: np.ndarray) -> float:
 def eye_on(
     robot_points: np.ndarray,
     person_points: np.ndarray,
-    size: tuple[int, int] = (1440, 900),
+    size: tuple[int, int] = WINDOW,
     side: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return where a camera stands, and what it looks at, to see robot and person.

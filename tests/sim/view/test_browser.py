@@ -2,7 +2,6 @@
 
 import threading
 import time
-from functools import partial
 
 import numpy as np
 import pytest
@@ -75,6 +74,20 @@ def colours(tab, path, place):
     x, y = np.rint(place).astype(int)
     with Image.open(tab.picture(path)) as image:
         return np.asarray(image.convert("RGB"))[y - 3 : y + 4, x - 3 : x + 4]
+
+
+def is_blue(pixels):
+    """Return which of (..., 3) pixels are an arrow's that points up."""
+    red, green, blue = np.moveaxis(pixels.astype(int), -1, 0)
+    return (blue > red + 100) & (blue > green + 50)
+
+
+def reset_view(page):
+    """Put the only window's camera where "Reset View" does; wait until it is back."""
+    (client,) = page.server.get_clients().values()
+    camera, first = client.camera, page.server.initial_camera
+    camera.position, camera.look_at = first.position, first.look_at
+    until(lambda: np.abs(camera.position - first.position).max() > 0.02)
 
 
 def place_of(tab, kind):
@@ -172,17 +185,21 @@ def test_the_arrows_drag_the_hand_and_the_robot_answers(view_map, tab, tmp_path)
     with Opened(show_of(source, hand=taken.append)) as opened:
         tab.open(opened.address, OPENED)
         before = source.frame.capsules[-1, 3:6].copy()
-        # by the arrow that points up, to 25 cm above
         up = np.array([0.0, 0.0, 1.0])
-        grip = pixel(opened.page, SIZE, before + 0.15 * up)
-        look = partial(colours, tab, tmp_path / "arrows.png", grip)
-        bare = look()
+
+        def reached(height):  # by the arrow that points up [px]
+            return pixel(opened.page, SIZE, before + height * up)
+
+        def at_the_arrow():
+            return colours(tab, tmp_path / "arrows.png", reached(0.15))
+
+        reset_view(opened.page)  # as a page does that draws late for the first time
         assert tab.toggle("Drag the hand")
         until(lambda: taken[-1] is not None)
         np.testing.assert_allclose(taken[-1], before, atol=1e-6)
-        until(lambda: (look() != bare).any())  # the arrows are drawn
+        until(lambda: is_blue(at_the_arrow()).any())  # the arrows are drawn
         time.sleep(1.0)  # and heard
-        stop = pixel(opened.page, SIZE, before + 0.40 * up)
+        grip, stop = reached(0.15), reached(0.40)  # to 25 cm above
         tab.drag(grip, stop, steps=20)
         until(lambda: np.linalg.norm(taken[-1] - before) > 0.15)
         tab.picture(tmp_path / "dragged.png")
