@@ -5,7 +5,8 @@ PYTHON ?= $(shell for p in python3.11 python3; do \
 	&& { echo $$p; break; }; done)
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
+# the folder is this one, whatever a package of its name would mean: no warning of it
+PIP := PYTHONWARNINGS="ignore:Editable installation" $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 
 .PHONY: demo test lint docs clean
 
@@ -38,6 +39,8 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; print("Python %d.%d" % v[:2]); \
 	v < (3, 12) or print("pybullet has no wheels for it: the demo moves a plain arm and draws it itself; with Python 3.11 it would be the Panda")'
 	$(PYTHON) -m venv $(VENV)
+	@# a pip of today takes half the time; without it the one that is there will do
+	@$(PIP) --upgrade pip || true
 
 $(VENV)/.sim: pyproject.toml | $(BIN)/python
 	@echo "installing into $(VENV) ..."
