@@ -244,7 +244,8 @@ class Sight:
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not
-        loose = obj is not None and not self.hand.holding and not frame.holds
+        loose = obj is not None and not frame.holds
+        loose = loose and not self.hand.has(frame.T_base_object)
         there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
         there.labels = {"capsules": words[: len(there)]}
         everything = there.capsules

@@ -34,7 +34,14 @@ from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound
+from sim.story.frame import (
+    OTHER_SIDE,
+    Seen,
+    Sight,
+    StoryFrame,
+    are_sound,
+    covering_balls,
+)
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -441,10 +448,11 @@ class Handover:
         limits = {table.FETCH: s.fetch_s, table.PUT_DOWN: s.put_down_s}
         late = passed > limits.get(self.state, s.wait_s)
         hand, pulls, lasts = self.hand, self._pull.pulls, self._lasts
-        gone_s, dt = self.conduct.gone_s, seen.dt
+        gone_s, felt_s, dt = self.conduct.gone_s, self.conduct.felt_s, seen.dt
         away = seen.hand_gap > s.gone and not pulls
         checks = {
-            "lost": lasts("lost", self._missing(frame), dt, 0.03),
+            "lost": lasts("lost", self._missing(frame), dt, felt_s),
+            "found": lasts("found", hand.doubted and frame.holds, dt, felt_s),
             "pulled": self._pull.pulled and self._may_be_theirs(seen, moving),
             "slack": not pulls and frame.holds and not frame.opened,
             "near": self._hand_comes(seen.hand_gap),
@@ -630,6 +638,10 @@ class Handover:
         self._hindered_s = self._kept_off_s = 0.0
         self._clock["blocked"] = self._clock["steady"] = self._clock["left"] = 0.0
         self.view.phase = None
+        if signal == "found":
+            self.hand.doubt(False)
+        elif self.hand.doubted and self.ended:
+            self.hand.let_go(puts_down=False)
         steps: list[Step] = []
         if state == table.FETCH:
             steps = self.placing.fetching(self.executor.set_point.q)
@@ -708,11 +720,14 @@ class Handover:
         limits = "late", "occupied", "hindered", "under_way", "taken_up", "ungripped"
         late = signal in limits
         beside = late or signal in ("open", "free", "missed")
-        if signal in ("open", "lost") and self.holding:
+        if signal == "lost" and self.holding and self._is_alone():
+            self.hand.doubt()
+            self._pull.forget()
+        elif signal in ("open", "lost") and self.holding:
             self._let_go()
         opens = late and self.holding  # it moves once they are open
         first = [Step("grip", OPEN), Step("let")] if opens else []
-        if not self.holding:
+        if not self.holding and not self.hand.doubted:
             self.hand.fingers = OPEN
         if not beside:
             return [rest]
@@ -723,6 +738,18 @@ class Handover:
             back = taken.q_before if near < 0.5 else None
         back = self._way_back(q) if back is None else back
         return [*first, rest] if back is None else [*first, Step("back", back), rest]
+
+    def _is_alone(self) -> bool:
+        """Whether nobody is near to the object in the hand, who could have taken it.
+
+        Then fingers that are said to hold nothing stay closed: if that is wrong, they
+        would drop what they hold; and beside somebody, drag them along.
+        """
+        last = self._last
+        if last is None or last.obj is None:
+            return False
+        gaps = ball_gaps(covering_balls(last.obj), last.person)
+        return bool(gaps.min(initial=np.inf) > self.settings.gone)
 
     def _way_back(self, q: np.ndarray) -> np.ndarray | None:
         """Return (dof,) straight back along the tool's axis from q; None: none."""

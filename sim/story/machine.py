@@ -34,6 +34,7 @@ class Row:
 
 SIGNALS = {
     "lost": "the fingers should hold the object and do not",
+    "found": "the fingers that stayed closed hold the object",
     "pulled": "the wrist felt a pull that lasted",
     "slack": "nobody pulls any more",
     "arrived": "the robot stands where it wants to be",
@@ -123,6 +124,7 @@ GIVE = (
     Row(RELEASE, "open", RETREAT, "the person has the object"),
     Row(RELEASE, "slack", WAIT, "the hand let go too early: it holds on", True),
     Row(RELEASE, "late", KEPT, "the fingers did not open: it stands", True),
+    Row(RETREAT, "found", APPROACH, "the object is in the hand after all"),
     Row(RETREAT, "away", DONE, "it is back"),
     Row(RETREAT, "late", DONE, "its way back is blocked: it stands", True),
     Row(PUT_DOWN, "lost", RETREAT, "the object was dropped on the way back", True),
@@ -155,6 +157,7 @@ RECEIVE = (
     Row(CLOSE, "ungripped", RETREAT, "the object was not held still at its hand", True),
     Row(CLOSE, "late", RETREAT, "the person holds on: it lets go", True),
     Row(RETREAT, "lost", RETREAT, "the object was dropped", True),
+    Row(RETREAT, "found", PUT_DOWN, "the object is in the hand after all"),
     Row(RETREAT, "away_holding", PUT_DOWN, "back with the object"),
     Row(RETREAT, "away", DONE, "it is back"),
     Row(RETREAT, "late_holding", KEPT, "its way back is blocked: it keeps it", True),
@@ -227,8 +230,9 @@ class Machine:
         if not self.ended:
             return ""
         if any(e.signal == passed and not e.failure for e in self.events):
-            late = [e for e in self.events if e.signal == "lost"]
-            return "handed over" if not late else late[-1].reason
+            late = [e for e in self.events if e.signal in ("lost", "found")]
+            lost = bool(late) and late[-1].signal == "lost"
+            return late[-1].reason if lost else "handed over"
         failures = [e.reason for e in self.events if e.failure]
         return failures[-1] if failures else self.reason
 

@@ -39,6 +39,8 @@ class Hand:
     Attributes:
         fingers: "open" or "closed": the command to the gripper.
         holding: Whether the object counts as being in the hand.
+        doubted: Whether it does not, while the fingers stay closed and the map keeps
+            it: they are said not to hold it, which may be the sensor's fault.
         T_tool_object: (4, 4) how it is held, or is to be [m].
         T_tool_between: (4, 4) how it was last between the open fingers [m].
         grasps: (n, 4, 4) T_tool_object of all ways to hold it [m].
@@ -65,7 +67,7 @@ class Hand:
         _check_mass(planner, obj)
         _check_carrier(planner, holding)
         self.planner, self.executor, self.obj = planner, executor, obj
-        self.settings, self.holding = settings, holding
+        self.settings, self.holding, self.doubted = settings, holding, False
         self.fingers = CLOSED if holding else OPEN
         self.carried = carried_object(box_of(obj) if thing is None else thing)
         self.T_tool_object = self.T_tool_between = np.array(obj.T_tool_object)
@@ -102,7 +104,19 @@ class Hand:
         if puts_down:
             self.stands_at = (self.T_base_tool() @ self.T_tool_object)[:3, 3]
         self.planner.detach()
-        self.holding = False
+        self.holding = self.doubted = False
+
+    def doubt(self, doubted: bool = True) -> None:
+        """Doubt that the object is in the closed fingers; False: it is, after all."""
+        self.holding, self.doubted = not doubted, doubted
+
+    def has(self, T_base_object: np.ndarray | None) -> bool:
+        """Whether what is seen there (4, 4) [m] is what is in the hand, if anything."""
+        if T_base_object is None or not self.doubted:
+            return self.holding
+        T = self.T_base_tool() @ self.T_tool_object
+        off = float(np.linalg.norm(T[:3, 3] - T_base_object[:3, 3]))
+        return off < self.settings.between
 
     def is_between(self, T_base_object: np.ndarray | None) -> bool:
         """Whether an object is where a grasp would have it, while the robot stands.

@@ -67,6 +67,8 @@ class ConductSettings(CheckedSettings):
         tracked: The straight motion is aimed anew when the object moved by this [m].
         stands: A robot slower than this in all joints stands [rad/s or m/s].
         gone_s: A hand that was away for so long has gone [s].
+        felt_s: Fingers that are said for so long to hold nothing, or to hold something
+            after all, are believed [s].
         instead: The person's other hand takes part from now on once it has been held
             out toward the robot's base by this, and by as much farther than the one
             that did, for `gone_s` [m]; not while that one is so near to the object.
@@ -96,6 +98,7 @@ class ConductSettings(CheckedSettings):
     tracked: float = setting(0.004, 0.0, 0.1, "m")
     stands: float = setting(1e-3, 1e-9, 1.0, "rad/s or m/s")
     gone_s: float = setting(0.5, 0.001, 60.0, "s")
+    felt_s: float = setting(0.03, 0.0, 60.0, "s")
     instead: float = setting(0.05, 0.001, 2.0, "m")
     expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
     untouched: tuple[float, ...] = setting((0.8, 0.5, 0.3, 0.2, 0.1), 0.0, 10.0, "s")

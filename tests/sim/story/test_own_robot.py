@@ -137,6 +137,39 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
+@pytest.mark.parametrize("seen", [False, True])
+def test_fingers_that_seem_empty_for_a_moment_hold_on(maps, seen):
+    """They opened at once, and dropped what they held where nobody was."""
+    story, human = story_of(maps)
+
+    def look(story, now, opened, closed):
+        T = story.hand.T_base_tool() @ story.T_tool_object if seen else None
+        holds = not 0.5 < now < 0.7  # told of one that holds it all the time
+        assert story.fingers == "closed" and story.planner.attached is not None
+        assert story.view.offered == 0  # what is seen in the hand is nothing beside it
+        return sim.StoryFrame(now, human, pulled(0.0), False, holds, T)
+
+    assert tell(story, 3.0, look) == ["retreat", "approach"]
+    lost, found = story.events
+    assert (lost.signal, found.signal) == ("lost", "found") and story.holding
+    assert 0.02 < lost.time_s - 0.5 < 0.06 and 0.02 < found.time_s - 0.7 < 0.06
+
+
+def test_fingers_that_seem_empty_beside_somebody_open(maps):
+    """Else they would drag along who has taken it."""
+    story, human = story_of(maps)
+    tool = story.hand.T_base_tool()[:3, 3]
+    for away, fingers in ((1.0, "closed"), (0.1, "open")):
+        rows = np.array([[*tool, *tool, 0.03]])
+        rows[0, [0, 3]] += away
+        story, _ = story_of(maps)
+        for k in range(10):
+            told = {"capsules": rows, "labels": np.array([int(Part.RIGHT_FOREARM)])}
+            story.update(sim.StoryFrame(0.01 * k, human, opened=False, **told))
+        assert story.fingers == fingers
+        assert [e.signal for e in story.events] == ["lost", "away"]
+
+
 @pytest.mark.parametrize("lifted, side, armless", some([
     ({"left": 60}, "left", ""), ({"left": 60}, "left", "right"), ({}, "right", "left"),
     ({"right": 60}, "right", ""), ({"left": 60, "right": 60}, "right", ""),
