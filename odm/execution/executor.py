@@ -90,7 +90,8 @@ class Executor:
         self.held: Motion | None = None
         self.held_t, self._braked_s = 0.0, 0.0
         self.state, self.reason = STANDING, ""
-        self.quick = stop_time(robot, s.slowest_scale, period) <= pace.quick_s
+        stop_s = s.latency_s + stop_time(robot, s.slowest_scale, period)
+        self.quick = stop_s <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
@@ -99,14 +100,15 @@ class Executor:
             self._blend = min(self._blend, safety.blending)
         self._closer = max(self._clearance - s.yield_gap, 0.0)  # than m, leaving
         share = max(tracking - s.encoder_error, 0.0)
-        self._tracking = TrackingMonitor(robot, share, period)
-        self._test, self._standing = BrakingTest(planner), StandingWatch(planner)
+        self._tracking = TrackingMonitor(robot, share, period, latency_s=s.latency_s)
+        self._test = BrakingTest(planner, latency_s=s.latency_s)
+        self._standing = StandingWatch(planner)
         self._separation = SeparationWatch(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
-        self._shells, self._timed = ShellTest(planner), TimedBefore()
+        self._shells, self._timed = ShellTest(planner, s.latency_s), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
         self.timed_path = self._looked = False
@@ -213,7 +215,10 @@ class Executor:
         Args:
             held_out: Knows which is which; None: all that is told of is the person.
         """
-        self._held_out = None if held_out is None else (held_out, BrakingTest(held_out))
+        self._held_out = None
+        if held_out is not None:
+            test = BrakingTest(held_out, latency_s=self.settings.latency_s)
+            self._held_out = held_out, test
 
     def commit(self) -> Commit:
         """Return where a new path would begin: the planner plans from there.
@@ -310,6 +315,7 @@ class Executor:
             self._stop_as_tested()
             self.reason = "no frame was answered in time"
         self._updated = False
+        self._tracking.leave(self.set_point.q)
         self.t += self.period
         self.held_t += self.period
 
@@ -318,9 +324,10 @@ class Executor:
     def locate(self, q: np.ndarray) -> None:
         """Tell where the robot is measured to be now; before `commit`, if at all.
 
-        A robot that is off its set-point by more than the tracking share of m allows is
-        stopped. Once it has stood still there for a tenth of a second, q becomes its
-        set-point. Until then no answer of the planner is taken.
+        A robot that is off its set-point by more than the tracking share of m allows,
+        and off where that was in the last `latency_s`, is stopped. Once it has stood
+        still there for a tenth of a second, q becomes its set-point. Until then no
+        answer of the planner is taken.
 
         Args:
             q: (dof,) [rad or m]; what is not finite is nowhere, and it stops.

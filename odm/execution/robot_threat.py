@@ -42,7 +42,16 @@ def intent_of(executor: Executor) -> Intent:
 
     Args:
         executor: In a frame in which it was updated, or before its first one.
+
+    Raises:
+        BadInput: Its robot follows late: it may be where no motion leads any more.
     """
+    late = executor.settings.latency_s
+    if late:
+        raise BadInput(
+            f"a robot that follows up to {late:g} s late (ExecutionSettings.latency_s) "
+            "is not where its intent says; tell its joints instead, by limits_threat"
+        )
     motion, t = executor.motion, executor.t
     held = executor.held
     if held is None or held is motion:

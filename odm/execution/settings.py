@@ -34,6 +34,9 @@ class ExecutionSettings(CheckedSettings):
             and may be touched by somebody who accelerates harder than assumed.
         encoder_error: Bound on the position error that the encoders cause at any robot
             point [m], taken off the tracking share of m. The caller must know it.
+        latency_s: The robot is where its set-point was up to so long ago [s]: its
+            control delay, and what it lags behind. 0: it follows at once. More: people
+            count as so much nearer in time, and it is slower beside them.
         hold_delay_s: A moving robot goes on for so long after the planner holds [s],
             while its path up to the end of a stop is free. More: it passes a goal that
             is blocked for a moment, and comes nearer to one that stays blocked. Less:
@@ -53,6 +56,7 @@ class ExecutionSettings(CheckedSettings):
     min_retreat_separation: float = setting(0.022, 0.0, math.inf, "m")
     yield_gap: float = setting(0.005, 0.0, 0.1, "m")
     encoder_error: float = setting(0.0, 0.0, 0.1, "m")
+    latency_s: float = setting(0.0, 0.0, 1.0, "s")
     hold_delay_s: float = setting(0.2, 0.0, 10.0, "s")
     levels: int = setting(5, 1, 100)
     lower: float = setting(0.6, 0.01, 0.99)
@@ -160,10 +164,13 @@ class TrackingSettings(CheckedSettings):
         still: No point of it moves by more than this [m],
         held_s: ... for so long [s]: then its set-point becomes where it is. More: a
             robot led by hand goes on by itself later.
+        recalled_s: For so long set-points are kept, to tell a push from a robot that
+            follows late [s].
     """
 
     still: float = setting(0.001, 0.0, 0.1, "m")
     held_s: float = setting(0.1, 0.0, 10.0, "s")
+    recalled_s: float = setting(0.3, 0.0, 10.0, "s")
 
 
 @dataclass(frozen=True)

@@ -23,10 +23,16 @@ from roadmap.motion.motion import Motion
 
 
 class ShellTest:
-    """Tests the stops of a retreat against a person who is within the cover."""
+    """Tests the stops of a retreat against a person who is within the cover.
 
-    def __init__(self, planner: Any) -> None:  # noqa: ANN401
+    Args:
+        planner: Of this package; its frame has what stands still.
+        latency_s: The robot is where its set-point was up to so long ago [s].
+    """
+
+    def __init__(self, planner: Any, latency_s: float = 0.0) -> None:  # noqa: ANN401
         self.planner, self.settings = planner, StopTestSettings()
+        self.latency_s = latency_s
         self._shells: Shells | None = None
 
     def passes(
@@ -90,7 +96,7 @@ class ShellTest:
         """Test a motion from time to time; they are so much `later` from now on."""
         T = self.planner.frame.base_world
         for a, b in pairwise(times):
-            there, more = threat.between(later + a, later + b)
+            there, more = threat.between(later + a, later + b + self.latency_s)
             if not math.isfinite(more) or not len(there):
                 return False
             rows = moved_rods(there.capsules, T)

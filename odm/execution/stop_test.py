@@ -51,14 +51,20 @@ class BrakingTest:
     Its planner answers `blocked_leg`: a planner of this package, or a `HeldOut`. That
     tests by the cover, so a planner is told not to `use_tight_ends`, where no stop
     would pass.
+
+    Args:
+        planner: See above.
+        settings: How finely it tests.
+        latency_s: The robot is where its set-point was up to so long ago [s].
     """
 
     def __init__(
         self,
         planner: Any,  # noqa: ANN401
         settings: StopTestSettings = StopTestSettings(),
+        latency_s: float = 0.0,
     ) -> None:
-        self.planner, self.settings = planner, settings
+        self.planner, self.settings, self.latency_s = planner, settings, latency_s
         if hasattr(planner, "use_tight_ends"):
             planner.use_tight_ends(False)
 
@@ -90,7 +96,7 @@ class BrakingTest:
         """
         closer = closer - off
         before = max(begin - t, 0.0)  # the stop; a motion may be over
-        there, more = threat.between(0.0, before + stop.duration)
+        there, more = threat.between(0.0, before + stop.duration + self.latency_s)
         path = motion.path_from(t, stop.length)
         if self.planner.blocked_leg(path, more - closer, there) is None:
             return True
@@ -109,7 +115,7 @@ class BrakingTest:
         sphere from place to place until the robot stands; else None. This does not tell
         whether they touch: `passes` does, which has the same arguments.
         """
-        time = max(begin - t, 0.0) + stop.duration
+        time = max(begin - t, 0.0) + stop.duration + self.latency_s
         there, more = threat.as_so_far().between(0.0, time)
         # what answers `blocked_leg` alone knows no frame
         frame = getattr(self.planner, "frame", None)
@@ -142,7 +148,8 @@ class BrakingTest:
         for k in range(n):
             a = begin + (end - begin) * k / n
             b = begin + (end - begin) * (k + 1) / n
-            there, more = threat.between(later + a - begin, later + b - begin)
+            until = later + b - begin + self.latency_s
+            there, more = threat.between(later + a - begin, until)
             corners = motion.path_from(a, motion.place(b))
             if self.planner.blocked_leg(corners, more - closer, there) is not None:
                 return False
@@ -183,7 +190,7 @@ def slowest_stop(
     check_kind("settings", settings, ExecutionSettings, "give ExecutionSettings(...)")
     check_number("period [s]", period, 0.0, 10.0)
     check_kind("threat", threat, ThreatSettings, "give ThreatSettings(...)")
-    time = stop_time(robot, settings.slowest_scale, period)
+    time = stop_time(robot, settings.slowest_scale, period) + settings.latency_s
     if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder
         threat = replace(threat, jerk=0.0)
     return time, threat.displacement_bound(time, period)

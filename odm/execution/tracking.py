@@ -1,6 +1,13 @@
-"""How far a robot is from its set-point, and whether it is held still there."""
+"""How far a robot is from its set-point, and whether it is held still there.
+
+A robot that follows late is where its set-point was: anywhere on the way that those of
+the last `latency_s` lead. Farther off than the tracking share allows it was pushed, or
+follows later than is known.
+"""
 
 import math
+from collections import deque
+from itertools import islice
 
 import numpy as np
 
@@ -15,7 +22,8 @@ _ROUNDING = 1e-9  # [m]
 class TrackingMonitor:
     """Compares the measured configuration with the set-point.
 
-    A deviation within `share` [m] counts as none.
+    A deviation within `share` [m] counts as none. So does one from where the set-point
+    was in the last `latency_s` [s].
 
     Attributes:
         off: How far any point of the robot may be from its set-point [m]; 0 within the
@@ -30,13 +38,17 @@ class TrackingMonitor:
         share: float,
         period: float,
         settings: TrackingSettings = TrackingSettings(),
+        latency_s: float = 0.0,
     ) -> None:
         self.robot, self.period, self.settings = robot, period, settings
         self.off, self.offset, self.note = 0.0, np.zeros(robot.dof), ""
-        self._share = share + _ROUNDING
+        self._share, self._latency_s = share + _ROUNDING, latency_s
         self._bounds = joint_motion_bounds(robot)
         self._still: tuple[np.ndarray, float] | None = None  # where, for so long [s]
         self._last = 0.0  # how far it was when that was known last [m]
+        recalled_s = max(latency_s, settings.recalled_s)
+        # set-points of the frames before, the latest first
+        self._left: deque[np.ndarray] = deque(maxlen=math.ceil(recalled_s / period))
 
     def carry(self, robot: Robot) -> None:
         """Take the robot with what it carries now, whose points are looked at."""
@@ -47,8 +59,8 @@ class TrackingMonitor:
         """Take the set-point and the measured q, (dof,) each [rad or m]."""
         far, offset, self.note = math.inf, self.offset, ""
         if np.isfinite(q).all():
-            offset = difference(self.robot, set_point, q)
-            far = self._last = float(self._bounds @ np.abs(offset))
+            far, offset, _ = self._nearest(set_point, q, self._latency_s)
+            self._last = far
         self.off = far if far > self._share else 0.0
         if not self.off:
             self._still = None
@@ -56,7 +68,48 @@ class TrackingMonitor:
         self.offset = offset
         self.note = "nobody knows where it is; stopped"
         if far < math.inf:
-            self.note = f"pushed {1e3 * far:.0f} mm off its path; stopped"
+            self.note = self._why(set_point, q)
+
+    def _why(self, set_point: np.ndarray, q: np.ndarray) -> str:
+        """Return a sentence about a robot at q that is off its set-point."""
+        off, late = f"{1e3 * self.off:.0f} mm", self._latency_s
+        least, _, ago = self._nearest(set_point, q, math.inf)
+        if least > self._share:
+            return f"pushed {off} off its path; stopped"
+        return (
+            f"{off} behind, where its set-point was {1e3 * ago:.0f} ms ago; stopped "
+            f"(ExecutionSettings.latency_s, {late:g}, tells how late it may be)"
+        )
+
+    def leave(self, set_point: np.ndarray) -> None:
+        """Keep the set-point (dof,) of a frame that is over [rad or m]."""
+        self._left.appendleft(set_point)
+
+    def _nearest(
+        self, set_point: np.ndarray, q: np.ndarray, within_s: float
+    ) -> tuple[float, np.ndarray, float]:
+        """Return how far q is from the way that the set-points of late led over [m].
+
+        And (dof,) the offset from its nearest place, and how long ago it was there [s].
+        """
+        n = min(within_s / self.period, len(self._left))  # periods, parts of one, too
+        offset = difference(self.robot, set_point, q)
+        off = float(self._bounds @ np.abs(offset))
+        if not n or off <= self._share:
+            return off, offset, 0.0
+        left = islice(self._left, math.ceil(n))
+        here = np.array([offset, *(difference(self.robot, at, q) for at in left)])
+        step = np.diff(here, axis=0)
+        most = np.minimum(n - np.arange(len(step)), 1.0)
+        scaled = self._bounds * step
+        down = np.einsum("ij,ij->i", scaled, self._bounds * here[:-1])
+        length = np.einsum("ij,ij->i", scaled, scaled)
+        along = np.clip(-down / np.where(length > 0.0, length, 1.0), 0.0, most)
+        places = np.vstack([here[:1], here[:-1] + along[:, None] * step])
+        far = np.abs(places) @ self._bounds
+        k = int(far.argmin())
+        late = self.period * (k - 1 + along[k - 1]) if k else 0.0
+        return float(far[k]), places[k], late
 
     def unmeasured(self) -> None:
         """Note a frame without a measurement: the last known deviation counts."""
@@ -87,4 +140,5 @@ class TrackingMonitor:
     def restart(self) -> None:
         """Where the robot is has become its set-point."""
         self.off, self._last, self._still = 0.0, 0.0, None
+        self._left.clear()
         self.note = self.note.replace("stopped", "goes on from there")

@@ -15,7 +15,7 @@ from odm.execution.robot_threat import (
     intent_threat,
     limits_threat,
 )
-from odm.execution.settings import IntentSettings
+from odm.execution.settings import ExecutionSettings, IntentSettings
 from odm.obstacles.shapes import Sphere
 from roadmap import load_robot
 from roadmap.errors import BadInput
@@ -77,10 +77,18 @@ def test_an_intent_holds_what_comes_before_its_stop_begins(spheres):
     path = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     motion, t, later = time_path(spheres.robot, path), 0.6, 0.2
     stop = motion.stop(t + later)
-    moves = SimpleNamespace(motion=motion, t=t, held=stop, held_t=-later)
+    moves = SimpleNamespace(
+        motion=motion, t=t, held=stop, held_t=-later, settings=ExecutionSettings()
+    )
     threat = intent_threat(spheres, intent_of(moves), T)
     for dt in np.linspace(0.0, later, 9):
         assert held(threat.swept.spheres, spheres.at(motion.at(t + dt).q, T))
+
+
+def test_who_follows_late_tells_no_intent(spheres):
+    late = SimpleNamespace(settings=ExecutionSettings(latency_s=0.02))
+    with pytest.raises(BadInput, match=r"up to 0.02 s late .* limits_threat"):
+        intent_of(late)
 
 
 def test_an_intent_holds_a_joint_that_speeds_up_all_the_time(spheres):

@@ -45,6 +45,17 @@ def test_somebody_comes_as_far_as_the_braking_test_counts_with(
     assert comes == pytest.approx(seen.displacement_bound(time), rel=1e-9)
 
 
+def test_who_follows_late_stops_so_much_later_and_is_quick_no_more(small_map):
+    robot = replace(small_map.robot, max_jerk=100.0 * small_map.robot.max_jerk)
+    times, quick = [], []
+    for late in (0.0, 0.04):
+        how = ExecutionSettings(0.1, latency_s=late)
+        times.append(slowest_stop(robot, how, PERIOD, ThreatSettings())[0])
+        planner = SimpleNamespace(cell_map=small_map, blocked_leg=lambda *_: None)
+        quick.append(Executor(robot, planner, np.zeros(3), PERIOD, how).quick)
+    assert times[1] - times[0] == pytest.approx(0.04) and quick == [True, False]
+
+
 def test_a_slower_robot_of_the_same_limits_stops_sooner(small_map):
     stops = [
         slowest_stop(

@@ -11,9 +11,11 @@ import pytest
 from odm.execution.executor import BRAKED, MOVING, RETREATING, STANDING, Executor
 from odm.execution.lookout import SeparationWatch
 from odm.execution.robot_threat import intent_of
+from odm.execution.settings import ExecutionSettings
 from odm.execution.shell_test import ShellTest
 from odm.execution.stop_test import BrakingTest
 from odm.execution.threat import Threat, ThreatSettings
+from odm.execution.tracking import TrackingMonitor
 from odm.obstacles.obstacles import Obstacles
 from roadmap.motion.blending import joint_motion_bounds
 from roadmap.motion.motion import time_path
@@ -29,7 +31,7 @@ PERSON = Threat(FAR, np.zeros((1, 2, 3)), np.zeros(1), 0.0, ThreatSettings())
 class Scene:
     """An executor, and a planner to which everything is free, or nothing."""
 
-    def __init__(self, cell_map, stands_still=True):
+    def __init__(self, cell_map, stands_still=True, settings=None):
         robot = cell_map.robot
         self.free, self.gap_at = True, lambda q: 1.0
         self.planner = SimpleNamespace(
@@ -40,7 +42,7 @@ class Scene:
         if stands_still:
             free = lambda q, dq: np.ones(len(q), bool)  # noqa: E731
             self.planner.static = SimpleNamespace(robot=robot, motions_free=free)
-        self.executor = Executor(robot, self.planner, START, PERIOD)
+        self.executor = Executor(robot, self.planner, START, PERIOD, settings)
         self.executor._shells = SimpleNamespace(passes=lambda *_: self.free)
         self.back = OUT  # the retreat that every answer has
         self.ways = []  # out, which the lookout has yet to find
@@ -105,7 +107,8 @@ class Grows:
         return (begin, end), end
 
 
-def test_the_whole_way_to_a_stop_is_tested_at_the_times_of_each_place(small_map):
+@pytest.mark.parametrize("late", [0.0, 0.07])
+def test_the_whole_way_to_a_stop_is_tested_at_the_times_of_each_place(small_map, late):
     motion = time_path(small_map.robot, OUT, blend=0, speed_scale=0.5)
     t = 0.3 * motion.duration
     begin = t + 0.1
@@ -115,22 +118,23 @@ def test_the_whole_way_to_a_stop_is_tested_at_the_times_of_each_place(small_map)
         asked.append((path[0, 0], path[-1, 0], *times, extra))
         return 0 if len(asked) == 1 else None
 
-    test = BrakingTest(SimpleNamespace(blocked_leg=blocked_leg))
+    test = BrakingTest(SimpleNamespace(blocked_leg=blocked_leg), latency_s=late)
     assert test.passes(motion, t, begin, stop, Grows(), closer=0.003, off=0.001)
-    lasts = begin - t + stop.duration
+    lasts = begin - t + stop.duration + late
     whole = motion.at(t).q[0], stop.q_end[0], 0.0, lasts, lasts - 0.002
     assert asked[0] == pytest.approx(whole)
     assert all(extra == pytest.approx(end - 0.002) for *_, end, extra in asked[1:])
-    check_all_tested(motion, t, begin, stop, [row[:4] for row in asked[1:]])
+    check_all_tested(motion, t, begin, stop, [row[:4] for row in asked[1:]], late)
 
 
-def check_all_tested(motion, t, begin, stop, asked):
+def check_all_tested(motion, t, begin, stop, asked, late):
     """Check that pieces (q from, q to, time from, time to) hold the way to a stop."""
     asked, lasts = np.array(asked), begin - t + stop.duration
     for now in np.linspace(0.0, lasts, 100):
         on = motion.at(t + now) if t + now < begin else stop.at(t + now - begin)
         there = (asked[:, 0] <= on.q[0] + 1e-9) & (asked[:, 1] >= on.q[0] - 1e-9)
-        assert (there & (asked[:, 2] <= now + 1e-9) & (asked[:, 3] >= now - 1e-9)).any()
+        until = asked[:, 3] >= now + late - 1e-9
+        assert (there & (asked[:, 2] <= now + 1e-9) & until).any()
 
 
 class OneShell:
@@ -152,16 +156,18 @@ class OneShell:
         return True
 
 
-def test_by_the_shells_it_is_tested_at_the_same_times(small_map):
+@pytest.mark.parametrize("late", [0.0, 0.07])
+def test_by_the_shells_it_is_tested_at_the_same_times(small_map, late):
     robot = small_map.robot
     motion = time_path(robot, OUT, blend=0, speed_scale=0.5)
     t = 0.3 * motion.duration
     begin, there = t + 0.1, OneShell(robot)
     frame = SimpleNamespace(base_world=np.eye(4))
-    test = ShellTest(SimpleNamespace(static=SimpleNamespace(robot=robot), frame=frame))
+    there_is = SimpleNamespace(static=SimpleNamespace(robot=robot), frame=frame)
+    test = ShellTest(there_is, late)
     test._shells = there
     assert test.passes(motion, t, begin, motion.stop(begin), there, 0.005)
-    check_all_tested(motion, t, begin, motion.stop(begin), there.asked)
+    check_all_tested(motion, t, begin, motion.stop(begin), there.asked, late)
 
 
 def test_late_frames_lead_on_without_a_jump(scene):
@@ -214,6 +220,40 @@ def test_where_it_was_pushed_to_it_takes_no_stop_from_elsewhere(scene):
     scene.free = False
     scene.frames(5)
     assert executor.set_point.q == pytest.approx(there, abs=1e-3)
+
+
+def test_who_follows_late_is_nowhere_on_a_way_that_it_was_pushed_from(small_map):
+    scene = Scene(small_map, settings=ExecutionSettings(latency_s=0.5))
+    executor, there = scene.executor, START + np.array([0.0, 0.05, 0.0])
+    scene.frames(20, end=START)
+    for _ in range(15):
+        executor.locate(there)
+        scene.frames(1, "holding")
+    assert executor.set_point.q == pytest.approx(there) and not executor.off
+    executor.locate(START)
+    assert executor.off
+
+
+def test_all_tests_of_one_that_follows_late_are_told(small_map):
+    late = ExecutionSettings(latency_s=0.07)
+    executor = Executor(small_map.robot, Scene(small_map).planner, START, PERIOD, late)
+    executor.part_from(SimpleNamespace())
+    tests = executor._test, executor._shells, executor._held_out[1]
+    assert [test.latency_s for test in tests] == [0.07] * 3
+
+
+@pytest.mark.parametrize("late", [0.0, 0.015, 0.02, 0.5])
+def test_where_it_may_be_is_as_late_as_was_told_and_no_later(small_map, late):
+    robot, step = small_map.robot, np.array([0.1, -0.02, 0.0])
+    monitor = TrackingMonitor(robot, 0.002, PERIOD, latency_s=late)
+    for k in range(4):
+        monitor.leave(START + k * step)
+    for ago in (0.0, 0.004, 0.01, 0.013, 0.018, 0.03, 0.04, 0.06):  # [s]
+        monitor.measure(START + 4 * step, START + (4 - ago / PERIOD) * step)
+        beyond = ago - min(late, 0.04)
+        far = max(beyond, 0.0) / PERIOD * joint_motion_bounds(robot) @ np.abs(step)
+        assert monitor.off == pytest.approx(far, abs=1e-6)
+        assert ("ms ago" in monitor.note) == (beyond > 0.0 and ago <= 0.04)
 
 
 def test_pushes_of_joints_in_opposite_directions_do_not_make_up_for_each_other(scene):

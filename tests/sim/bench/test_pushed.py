@@ -1,6 +1,7 @@
 """A pushed robot: seeded and bounded pushes, an executor that stops and goes on."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -157,6 +158,34 @@ def test_within_the_tracking_share_it_goes_on_and_beyond_it_stops(pushable):
     pushable.run(1, pushable.beside(0.034))
     assert executor.state == BRAKED and executor.off == pytest.approx(0.034)
     assert executor.reason == "pushed 34 mm off its path; stopped"
+
+
+@pytest.mark.parametrize("told_s", [0.0, 0.02, 0.025])
+def test_who_follows_late_is_not_pushed_if_that_is_told(small_map, told_s):
+    """The robot is where its set-point was 25 ms ago, between those of two frames."""
+    pushable = Pushable(small_map, ExecutionSettings(latency_s=told_s))
+    points = [pushable.executor.set_point.q] * 4
+    for _ in range(80):
+        pushable.frame(0.5 * (points[-4] + points[-3]))
+        points.append(pushable.executor.set_point.q)
+    if told_s == 0.025:
+        went = np.abs(points[-1] - points[0]).max()
+        assert went > 0.5 and pushable.reasons == {""}
+        return
+    late = rf"\d+ mm behind, where its set-point was 25 ms ago; stopped .* {told_s:g},"
+    assert any(re.match(late, reason) for reason in pushable.reasons)
+
+
+def test_late_as_told_a_push_aside_stops_it_as_ever(small_map):
+    pushable = Pushable(small_map, ExecutionSettings(latency_s=0.05))
+    pushable.run(40)
+    executor = pushable.executor
+    x, y, _ = executor.set_point.dq
+    aside = 0.06 / np.hypot(x, y) * np.array([-y, x, 0.0])
+    pushable.run(1, aside)
+    assert executor.state == BRAKED
+    assert 0.02 < executor.off <= np.abs(aside) @ pushable.sway
+    assert "off its path; stopped" in executor.reason
 
 
 def test_how_far_a_push_moves_what_is_carried_counts_too(pushable):

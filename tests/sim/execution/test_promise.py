@@ -1,5 +1,6 @@
 """What a passed braking test promises, against where robot and person truly are."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ from forms import some
 
 import odm
 from odm.exact.distances import ExactRobot, capsule_obstacles
+from odm.execution.executor import Executor
 from odm.execution.threat import Threat
 from sim.loop.loop import Loop, LoopSettings
 
@@ -36,8 +38,8 @@ class Swaying:
 class Promise:
     """Remembers who was held where by the last test that passed, and what it kept."""
 
-    def __init__(self, loop):
-        self.loop, self.exact = loop, ExactRobot(loop.robot)
+    def __init__(self, loop, late=(0.0,)):
+        self.loop, self.exact, self.late = loop, ExactRobot(loop.robot), late
         self.told, self.least, self.nearest, self.looks = None, np.inf, np.inf, 0
         executor, safety = loop.executor, loop.planner.cell_map.safety
         stop_free, shells = executor._stop_free, executor._shells.passes
@@ -74,23 +76,33 @@ class Promise:
             if not 0.0 <= t <= executor.motion.duration:
                 continue
             now = (loop.index + share - 1.0) * period
-            q, person = executor.motion.at(t).q, loop.motion.capsules(now)
-            held, _ = BETWEEN(threat, now - index * period, now - index * period)
-            off = np.linalg.norm(person[:, :3] - held.capsules[:, :3], axis=1)
-            inside = off + person[:, 6] <= held.capsules[:, 6] + 1e-9
-            gap = self.exact.distance(q, capsule_obstacles(person[inside])).distance
+            q = executor.motion.at(t).q
+            gaps = [self.gap(q, now + late, now + late - index * period, threat)
+                    for late in self.late]  # fmt: skip
             self.looks += 1
-            self.nearest = min(self.nearest, gap)
-            self.least = min(self.least, gap - keeps)
-            if gap > CLOSE:
+            self.nearest = min(self.nearest, *gaps, np.inf)
+            self.least = min(self.least, min(gaps) - keeps)
+            if min(gaps) > CLOSE:
                 return
 
+    def gap(self, q, now, since, threat):
+        """Return how far q is from who keeps within what was assumed of them."""
+        person, (held, _) = (
+            self.loop.motion.capsules(now),
+            BETWEEN(threat, since, since),
+        )
+        off = np.linalg.norm(person[:, :3] - held.capsules[:, :3], axis=1)
+        inside = off + person[:, 6] <= held.capsules[:, 6] + 1e-9
+        return self.exact.distance(q, capsule_obstacles(person[inside])).distance
 
-def promised(cell_map, seed, rate, speed):
+
+def promised(cell_map, seed, rate, speed, late=(0.0,), told_s=0.0):
     planner = odm.ReactivePlanner(cell_map)
     how = {"rate_hz": rate, "speed_scale": speed, "execution": "timed"}
     loop = Loop(planner, planner.robot, PLACES, Swaying(seed), LoopSettings(**how))
-    promise = Promise(loop)
+    how = replace(loop.executor.settings, latency_s=told_s)
+    loop.executor = Executor(planner.robot, planner, PLACES[0], 1.0 / rate, how)
+    promise = Promise(loop, late)
     for _ in range(round(5.0 * rate)):
         loop.frame()
         promise.look()
@@ -105,6 +117,15 @@ def test_a_moving_robot_keeps_from_everybody_what_its_last_test_kept(
         promise = promised(small_map, seed, rate, speed)
         assert promise.looks > 100 and promise.nearest < CLOSE
         assert promise.least >= -1e-6
+
+
+def test_so_does_one_that_follows_late_if_that_is_told(small_map):
+    late = (0.0, 0.02, 0.04)  # [s] anywhere between
+    told, untold = (
+        promised(small_map, 3, 100.0, 1.0, late, told_s) for told_s in (0.04, 0.0)
+    )
+    assert told.looks > 100 and told.nearest < CLOSE
+    assert told.least >= -1e-6 and untold.least < -0.003
 
 
 def test_a_test_that_forgets_that_they_move_on_breaks_it(small_map, monkeypatch):
