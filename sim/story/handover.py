@@ -464,6 +464,7 @@ class Handover:
         checks["in_vain"] = checks["blocked"] and self.offer.tried + 1 >= s.tries
         checks |= self._signals_of_place(seen, point.q)
         over = self._at >= len(self._steps) and self.executor.at_rest
+        sure = lasts("doubted", hand.doubted, dt, gone_s) or not hand.doubted
         gripped = hand.holding and frame.holds
         left = lasts("left_it", gripped and pulls and self._is_far(seen), dt, gone_s)
         unpulled = gripped and (left or not pulls)
@@ -472,7 +473,7 @@ class Handover:
             "held": over and gripped,
             "free": over and lasts("free", unpulled, dt, s.pull.hold_s),
             "missed": self._passed_grip() and empty,
-            "away": over,
+            "away": over and sure,
             "away_holding": over and hand.holding,
         }
         checks |= self.placing.signals(over, over or late)
