@@ -137,14 +137,14 @@ def test_what_is_dropped_on_the_way_ends_at_rest_and_is_told(maps):
     assert story.planner.attached is None and not story.holding
 
 
-@pytest.mark.parametrize("seen, begin", [(False, 0.0), (False, 0.5), (True, 0.5)])
-def test_fingers_that_seem_empty_for_a_moment_hold_on(maps, seen, begin):
+@pytest.mark.parametrize("seen", [False, True])
+def test_fingers_that_seem_empty_for_a_moment_hold_on(maps, seen):
     """They opened at once, and dropped what they held where nobody was."""
     story, human = story_of(maps)
 
     def look(story, now, opened, closed):
         T = story.hand.T_base_tool() @ story.T_tool_object if seen else None
-        holds = not begin < now < begin + 0.3  # told of one that holds it all the time
+        holds = not 0.5 < now < 0.8  # told of one that holds it all the time
         assert story.fingers == "closed" and story.planner.attached is not None
         assert story.view.offered == 0  # what is seen in the hand is nothing beside it
         return sim.StoryFrame(now, human, pulled(0.0), False, holds, T)
@@ -152,7 +152,7 @@ def test_fingers_that_seem_empty_for_a_moment_hold_on(maps, seen, begin):
     assert tell(story, 3.0, look) == ["retreat", "approach"]
     lost, found = story.events
     assert (lost.signal, found.signal) == ("lost", "found") and story.holding
-    assert 0.02 < lost.time_s - begin < 0.06 and 0.3 < found.time_s - begin < 0.36
+    assert 0.02 < lost.time_s - 0.5 < 0.06 and 0.02 < found.time_s - 0.8 < 0.06
 
 
 def test_fingers_that_seem_empty_beside_somebody_open(maps):
@@ -168,6 +168,8 @@ def test_fingers_that_seem_empty_beside_somebody_open(maps):
             story.update(sim.StoryFrame(0.01 * k, human, opened=False, **told))
         assert story.fingers == fingers
         assert [e.signal for e in story.events] == ["lost", "away"]
+        lost, away = (event.time_s for event in story.events)
+        assert (away - lost > 0.4) == (fingers == "closed")  # they may hold it yet
 
 
 @pytest.mark.parametrize("lifted, side, armless", some([
