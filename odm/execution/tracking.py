@@ -59,7 +59,10 @@ class TrackingMonitor:
         """Take the set-point and the measured q, (dof,) each [rad or m]."""
         far, offset, self.note = math.inf, self.offset, ""
         if np.isfinite(q).all():
-            far, offset, _ = self._nearest(set_point, q, self._latency_s)
+            offset = difference(self.robot, set_point, q)
+            far = self._from_way(set_point, q, self._latency_s)[0]
+            if far > self._share:
+                far = float(self._bounds @ np.abs(offset))
             self._last = far
         self.off = far if far > self._share else 0.0
         if not self.off:
@@ -72,31 +75,31 @@ class TrackingMonitor:
 
     def _why(self, set_point: np.ndarray, q: np.ndarray) -> str:
         """Return a sentence about a robot at q that is off its set-point."""
-        off, late = f"{1e3 * self.off:.0f} mm", self._latency_s
-        least, _, ago = self._nearest(set_point, q, math.inf)
+        off, late = f"{1e3 * self.off:.0f} mm", 1e3 * self._latency_s
+        least, ago = self._from_way(set_point, q, math.inf)
         if least > self._share:
             return f"pushed {off} off its path; stopped"
         return (
-            f"{off} behind, where its set-point was {1e3 * ago:.0f} ms ago; stopped "
-            f"(ExecutionSettings.latency_s, {late:g}, tells how late it may be)"
+            f"{off} behind, where its set-point was {1e3 * ago:.0f} ms ago; stopped (it "
+            f"may be {late:g} ms late, as ExecutionSettings.latency_s says)"
         )
 
     def leave(self, set_point: np.ndarray) -> None:
         """Keep the set-point (dof,) of a frame that is over [rad or m]."""
         self._left.appendleft(set_point)
 
-    def _nearest(
+    def _from_way(
         self, set_point: np.ndarray, q: np.ndarray, within_s: float
-    ) -> tuple[float, np.ndarray, float]:
-        """Return how far q is from the way that the set-points of late led over [m].
+    ) -> tuple[float, float]:
+        """Return how far q is from where the set-points of late led along [m].
 
-        And (dof,) the offset from its nearest place, and how long ago it was there [s].
+        And how long ago they were at the nearest place [s].
         """
         n = min(within_s / self.period, len(self._left))  # periods, parts of one, too
         offset = difference(self.robot, set_point, q)
         off = float(self._bounds @ np.abs(offset))
         if not n or off <= self._share:
-            return off, offset, 0.0
+            return off, 0.0
         left = islice(self._left, math.ceil(n))
         here = np.array([offset, *(difference(self.robot, at, q) for at in left)])
         step = np.diff(here, axis=0)
@@ -109,7 +112,7 @@ class TrackingMonitor:
         far = np.abs(places) @ self._bounds
         k = int(far.argmin())
         late = self.period * (k - 1 + along[k - 1]) if k else 0.0
-        return float(far[k]), places[k], late
+        return float(far[k]), late
 
     def unmeasured(self) -> None:
         """Note a frame without a measurement: the last known deviation counts."""

@@ -251,9 +251,9 @@ def test_where_it_may_be_is_as_late_as_was_told_and_no_later(small_map, late):
     for ago in (0.0, 0.004, 0.01, 0.013, 0.018, 0.03, 0.04, 0.06):  # [s]
         monitor.measure(START + 4 * step, START + (4 - ago / PERIOD) * step)
         beyond = ago - min(late, 0.04)
-        far = max(beyond, 0.0) / PERIOD * joint_motion_bounds(robot) @ np.abs(step)
-        assert monitor.off == pytest.approx(far, abs=1e-6)
-        assert ("ms ago" in monitor.note) == (beyond > 0.0 and ago <= 0.04)
+        far = ago / PERIOD * joint_motion_bounds(robot) @ np.abs(step)
+        assert monitor.off == pytest.approx(far if beyond > 1e-9 else 0.0)
+        assert ("ms ago" in monitor.note) == (beyond > 1e-9 and ago <= 0.04)
 
 
 def test_pushes_of_joints_in_opposite_directions_do_not_make_up_for_each_other(scene):
