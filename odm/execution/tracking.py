@@ -80,8 +80,8 @@ class TrackingMonitor:
         if least > self._share:
             return f"pushed {off} off its path; stopped"
         return (
-            f"{off} behind, where its set-point was {1e3 * ago:.0f} ms ago; stopped (it "
-            f"may be {late:g} ms late, as ExecutionSettings.latency_s says)"
+            f"{off} behind, where its set-point was {1e3 * ago:.0f} ms ago; stopped "
+            f"(it may be {late:g} ms late, as ExecutionSettings.latency_s says)"
         )
 
     def leave(self, set_point: np.ndarray) -> None:
