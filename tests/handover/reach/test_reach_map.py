@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reach_chains import naive_cell, slow_dexterity, some_poses
+from rows import each
 from scipy.spatial.transform import Rotation
 
 import handover
@@ -253,7 +254,7 @@ def test_a_time_limit_ends_with_a_map_that_says_so(arm):
     assert json.dumps(reach.built)
 
 
-@pytest.mark.parametrize(
+@each(
     "change",
     [
         {"cell": 0.0},
