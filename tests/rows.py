@@ -31,14 +31,14 @@ def each(names: str | tuple[str, ...], rows: Iterable) -> Callable:
                     test(**fixtures, **given)
                 except pytest.skip.Exception as left_out:
                     skipped.append(left_out)
-                except Exception as error:
+                except (Exception, pytest.fail.Exception) as error:
                     told = ", ".join(f"{k}={SHORT.repr(v)}" for k, v in given.items())
                     error.add_note(f"in row {number} of {len(rows)}: {told}")
                     failed.append(error)
             if len(failed) == 1:
                 raise failed[0]
             if failed:
-                raise ExceptionGroup(f"{len(failed)} of {len(rows)} rows", failed)
+                raise BaseExceptionGroup(f"{len(failed)} of {len(rows)} rows", failed)
             if skipped:
                 pytest.skip(f"{len(skipped)} of {len(rows)} rows: {skipped[0]}")
 

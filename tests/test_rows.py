@@ -44,6 +44,18 @@ def test_each_of_several_rows_that_fail_is_told():
     assert notes == [[f"in row {k} of 5: number={k}"] for k in (0, 2, 4)]
 
 
+def test_a_row_that_raises_nothing_where_it_must_is_named_too():
+    @each("value", [1, 0, 2])
+    def test(value):
+        with pytest.raises(ZeroDivisionError):
+            1 / value
+
+    with pytest.raises(BaseExceptionGroup, match="2 of 3 rows") as told:
+        test()
+    notes = [error.__notes__ for error in told.value.exceptions]
+    assert notes == [["in row 0 of 3: value=1"], ["in row 2 of 3: value=2"]]
+
+
 def test_a_table_of_nothing_and_one_of_other_names_are_mistakes():
     with pytest.raises(AssertionError, match="no rows"):
         each("number", [])
