@@ -22,13 +22,12 @@ def cells_near_ball(center, radius, origin, h, blocks) -> set[tuple[int, int, in
     return set(map(tuple, (np.argwhere(np.sqrt(far2) <= radius) + first).tolist()))
 
 
-def centers(arm, robot, q) -> np.ndarray:
-    """Return the centres of an Arm's spheres at q, (n, 3)."""
-    frames = body_frames(robot, q)[arm.body]
-    return (
-        np.einsum("nij,nj->ni", frames[:, :3, :3], arm.spheres[:, :3])
-        + frames[:, :3, 3]
-    )
+def centers(arm, robot, *places) -> np.ndarray:
+    """Return the centres of an Arm's spheres at each of some q, (..., n, 3)."""
+    frames = np.array([body_frames(robot, q) for q in places])[:, arm.body]
+    turned = np.einsum("knij,nj->kni", frames[..., :3, :3], arm.spheres[:, :3])
+    found = turned + frames[..., :3, 3]
+    return found if len(places) > 1 else found[0]
 
 
 def words_to_cells(ids, masks, blocks) -> set[tuple[int, int, int]]:
@@ -80,5 +79,5 @@ def smallest_gap(cell_map, q_a, dq, points, n=400) -> float:
     if not len(points):
         return np.inf
     arm, nearest = cell_map.arm, cKDTree(points)
-    at = [centers(arm, cell_map.robot, q_a + t * dq) for t in np.linspace(0, 1, n)]
-    return (nearest.query(np.array(at))[0] - arm.spheres[:, 3]).min()
+    at = centers(arm, cell_map.robot, *(q_a + t * dq for t in np.linspace(0, 1, n)))
+    return (nearest.query(at)[0] - arm.spheres[:, 3]).min()

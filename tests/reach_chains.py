@@ -76,14 +76,16 @@ def flat(T) -> np.ndarray:
 
 
 def slow_dexterity(chain, q, J):
-    """Singular values of the Jacobian, its columns weighted by the limits."""
+    """Singular values of Jacobians (..., 6, n), columns weighted by the limits."""
     low, high = chain.limits.T
     with np.errstate(divide="ignore"):
         slope = (high - low) ** 2 * (2 * q - low - high)
         slope = np.abs(slope / (4 * (high - q) ** 2 * (q - low) ** 2))
     weights = np.where(chain.endless > 0, 1.0, 1 / np.sqrt(1 + slope))
-    J = np.vstack([J[:3] / chain.length, J[3:]]) * weights
-    return np.prod(np.linalg.svd(J, compute_uv=False))
+    lengths = np.ones((6, 1))
+    lengths[:3] = chain.length
+    J = J / lengths * weights[..., None, :]
+    return np.prod(np.linalg.svd(J, compute_uv=False), axis=-1)
 
 
 def naive_cell(grid, T):

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-import pytest
+from rows import each
 
 ROOT = Path(__file__).resolve().parent.parent
 TEXTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
@@ -12,7 +12,7 @@ FILE = re.compile(r"(?<![\w/.])((?:roadmap|odm|handover|sim|tests|maps)/[\w/]+\.
 LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 
 
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+@each("path", TEXTS)
 def test_files_that_a_text_names_exist(path):
     text = path.read_text(encoding="utf-8")
     named = {m for m in FILE.findall(text) if not m.startswith("maps/built/")}

@@ -1,9 +1,10 @@
 """Every file, function and test that docs/safety.md names exists."""
 
 import re
+from functools import cache
 from pathlib import Path
 
-import pytest
+from rows import each
 
 ROOT = Path(__file__).resolve().parents[1]
 DOC = ROOT / "docs" / "safety.md"
@@ -13,22 +14,26 @@ NAMED = sorted(set(re.findall(rf"`({FOLDERS}[\w/.-]+\.py)::(\w+)`", TEXT)))
 FILES = sorted(set(re.findall(rf"`({FOLDERS}[\w/.-]+)(?:::\w+)?`", TEXT)))
 
 
+@cache
+def source_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
 def defines(path: Path, name: str) -> bool:
     """Return whether a file defines a function, method or class of that name."""
-    source = path.read_text(encoding="utf-8")
-    return re.search(rf"^\s*(?:def|class) {name}\b", source, re.M) is not None
+    return re.search(rf"^\s*(?:def|class) {name}\b", source_of(path), re.M) is not None
 
 
 def test_it_names_many():
     assert len(NAMED) > 100
 
 
-@pytest.mark.parametrize("file", FILES)
+@each("file", FILES)
 def test_files_that_are_named_exist(file):
     assert (ROOT / file).exists()
 
 
-@pytest.mark.parametrize(("file", "name"), NAMED)
+@each(("file", "name"), NAMED)
 def test_functions_and_tests_that_are_named_exist(file, name):
     assert defines(ROOT / file, name)
 
@@ -48,7 +53,7 @@ def test_lines_are_short_but_for_tables_and_names():
         assert len(line) <= 100 or line.startswith("|") or "::" in line, line
 
 
-@pytest.mark.parametrize(
+@each(
     ("file", "stands"),
     [
         ("odm/close_test/safety.py", "rho: float = 0.03"),
@@ -86,4 +91,4 @@ def test_lines_are_short_but_for_tables_and_names():
     ],
 )
 def test_numbers_it_rests_on_are_those_of_the_sources(file, stands):
-    assert stands in (ROOT / file).read_text(encoding="utf-8")
+    assert stands in source_of(ROOT / file)

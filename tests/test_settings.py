@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from rows import each
 
 import odm
 from handover.grasps.grasp_build import GraspSettings
@@ -112,11 +113,11 @@ def numbers(counts=False):
             if counts and not isinstance(value, int):
                 continue
             if isinstance(value, int | float) and not isinstance(value, bool):
-                yield pytest.param(kind, field.name, id=f"{kind.__name__}.{field.name}")
+                yield kind, field.name
 
 
-@pytest.mark.parametrize("wrong", [np.nan, -np.inf, -1, None, "3", [1], True], ids=repr)
-@pytest.mark.parametrize(("kind", "field"), list(numbers()))
+@each("wrong", [np.nan, -np.inf, -1, None, "3", [1], True])
+@each(("kind", "field"), numbers())
 def test_what_is_no_number_in_range_is_refused_with_its_name(kind, field, wrong):
     with pytest.raises(BadInput) as told:
         kind(**{field: wrong})
@@ -125,7 +126,7 @@ def test_what_is_no_number_in_range_is_refused_with_its_name(kind, field, wrong)
     assert str(wrong) in text and len(text) < 200 and "\n" not in text
 
 
-@pytest.mark.parametrize(("kind", "field"), list(numbers(counts=True)))
+@each(("kind", "field"), numbers(counts=True))
 def test_counts_are_whole(kind, field):
     with pytest.raises(BadInput, match="a whole number"):
         kind(**{field: 2.5})
@@ -138,13 +139,11 @@ def rows():
             if field.name != "finger_pads" and isinstance(
                 getattr(kind(), field.name), tuple
             ):
-                yield pytest.param(kind, field.name, id=f"{kind.__name__}.{field.name}")
+                yield kind, field.name
 
 
-@pytest.mark.parametrize(
-    "wrong", [(), None, 0.5, "12", (0.1, np.nan), (-1.0,), (True,)], ids=repr
-)
-@pytest.mark.parametrize(("kind", "field"), list(rows()))
+@each("wrong", [(), None, 0.5, "12", (0.1, np.nan), (-1.0,), (True,)])
+@each(("kind", "field"), rows())
 def test_what_is_no_row_of_numbers_in_range_is_refused_with_its_name(
     kind, field, wrong
 ):
@@ -152,7 +151,7 @@ def test_what_is_no_row_of_numbers_in_range_is_refused_with_its_name(
         kind(**{field: wrong})
 
 
-@pytest.mark.parametrize("kind", SETTINGS)
+@each("kind", SETTINGS)
 def test_numbers_of_numpy_are_as_good(kind):
     fields = {
         f.name: np.array(getattr(kind(), f.name))[()]
@@ -180,7 +179,7 @@ def test_pads_are_names_of_links(pads):
         odm.PlannerSettings(finger_pads=pads)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "words"),
     [
         ("[roadmap]\nmax_step = nan\n", "roadmap.max_step"),
@@ -201,8 +200,8 @@ def test_recipes_refuse_the_same(tmp_path, text, words):
         odm.load_recipe(file)
 
 
-@pytest.mark.parametrize("field", ["pull", "speed", "comfort", "threat", "slow"])
-@pytest.mark.parametrize("wrong", [None, {}, 0.003], ids=repr)
+@each("field", ["pull", "speed", "comfort", "threat", "slow"])
+@each("wrong", [None, {}, 0.003])
 def test_settings_of_a_part_are_of_their_kind(field, wrong):
     with pytest.raises(BadInput, match=f"{field} is "):
         StorySettings(**{field: wrong})

@@ -1,12 +1,11 @@
 """A small robot, and planners that stand in for the real one."""
 
-import fcntl
-import os
 import sys
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from built_once import built_once
 
 from odm import sample_capsules
 from roadmap import load_robot
@@ -159,24 +158,12 @@ def retreating(crane):
 
 @pytest.fixture(scope="session")
 def meet_maps(tmp_path_factory):
-    """Return the folders of a small map and a coarse reach map of the Kawasaki.
-
-    The first worker of the suite that asks for them builds them; nobody changes them.
-    """
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent
-    folder = folder / "meet"
-    folder.mkdir(exist_ok=True)
-    found = folder / "map", folder / "reach"
-    with open(folder / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not all(one.exists() for one in found):
-            _build_meet_maps(*found)
-    return found
+    """Return the folders of a small map and a coarse reach map of the Kawasaki."""
+    folder = built_once(tmp_path_factory, "meet", _build_meet_maps)
+    return folder / "map", folder / "reach"
 
 
-def _build_meet_maps(map_dir, reach_dir):
+def _build_meet_maps(folder):
     from handover import ReachSettings, build_reach_map, chain_of
     from odm import Recipe, build_map
     from odm.cell_map.recipe import RobotRecipe
@@ -192,8 +179,8 @@ def _build_meet_maps(map_dir, reach_dir):
     cell_map = build_map(recipe, threads=2)
     settings = ReachSettings(cell=0.1, rotations=72, samples=60_000, seed=3)
     reach = build_reach_map(chain_of(cell_map.robot), settings, threads=2)
-    cell_map.save(map_dir)
-    reach.save(reach_dir)
+    cell_map.save(folder / "map")
+    reach.save(folder / "reach")
 
 
 @pytest.fixture

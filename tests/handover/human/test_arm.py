@@ -6,6 +6,7 @@ import pytest
 from forms import size
 from naive_arm import naive_fk, pinocchio_arm, swivels_that_work
 from numba import njit
+from rows import each
 
 from handover import Arm, Human
 from handover.human._arm_ik import AXES, MAX_SPANS, SPANS, WORK_ROWS
@@ -298,7 +299,7 @@ def test_the_arm_as_a_chain_of_hinges_is_the_same_arm(rng):
         np.testing.assert_allclose(T, RIGHT.fk(q), atol=1e-14)
 
 
-@pytest.mark.parametrize(
+@each(
     "call, words",
     [
         (lambda: Arm("middle", LENGTHS), "no 'middle' arm; choose left or right"),

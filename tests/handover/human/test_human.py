@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 from small import AWAY, HOME
 
 import handover
@@ -213,7 +214,7 @@ def test_nothing_of_a_person_can_be_changed_in_place():
 NAN = np.eye(4) * np.nan
 
 
-@pytest.mark.parametrize(
+@each(
     "call, words",
     [
         (lambda: Human(1.19), "1.19 m is outside 1.2 to 2.2"),

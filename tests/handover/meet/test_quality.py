@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from naive_arm import pinocchio_arm
+from rows import each
 from wrappers import with_wrapper
 
 from handover import ArmState, Human, QualitySettings, posture_quality, total_quality
@@ -238,7 +239,7 @@ def test_a_longer_person_in_the_same_posture_has_the_same_effort():
     assert small == pytest.approx(tall, abs=1e-12)
 
 
-@pytest.mark.parametrize(
+@each(
     "change, words",
     [
         ({"weights": (0.4, 0.4, 0.4, -0.1, -0.1)}, "five that are not negative"),

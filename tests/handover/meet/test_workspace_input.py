@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rows import each
 
 from handover import (
     Above,
@@ -41,7 +42,7 @@ def test_grasps_that_are_none_are_refused(grasps, says, meet_of):
         meet_of(Human(), grasps=grasps)
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "says"),
     [
         ({"cell": 0.05}, "finer than the 0.1"),
@@ -76,7 +77,7 @@ def test_maps_in_the_wrong_place_are_refused(robot_map, person_map, meet_of):
         meet.remove(target)
 
 
-@pytest.mark.parametrize(
+@each(
     ("make", "says"),
     [
         (lambda: Upright(0.0), "tilt of 0.0"),

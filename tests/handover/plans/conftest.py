@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import pytest
+from built_once import built_once
 
 import handover
 from handover.grasps.grasp_build import GraspSettings
 
+HANDS = ("sdh_left", "hubo_left")
 FEW = GraspSettings(samples=16, rolls=6)
 
 
@@ -19,6 +21,12 @@ def scene():
 
 
 @pytest.fixture(scope="session")
-def grasps():
-    jar, hands = handover.load_object("food_jar"), ("sdh_left", "hubo_left")
-    return {hand: handover.build_grasps(jar, hand, FEW) for hand in hands}
+def grasps(tmp_path_factory):
+    folder = built_once(tmp_path_factory, "jar_grasps", _build_grasps)
+    return {hand: handover.load_grasps(folder / hand) for hand in HANDS}
+
+
+def _build_grasps(folder):
+    jar = handover.load_object("food_jar")
+    for hand in HANDS:
+        handover.build_grasps(jar, hand, FEW).save(folder / hand)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from person_agent import arm_joint, person_urdf
+from rows import each
 
 import handover
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
@@ -186,7 +187,7 @@ def test_scenery_that_is_wrong_says_where(tmp_path, table, told):
         handover.load_scene(written(tmp_path, f"{TEA}[[scenery]]\n{table}\n"))
 
 
-@pytest.mark.parametrize(
+@each(
     ("old", "new", "told"),
     [
         ("[goal]\nposition = [0.6, 0.0, 1.0]\nheld = true", "", r"no part \[goal\]"),

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from rows import each
 
 from handover.targets.settings import ChoiceSettings
 from handover.targets.target_choice import TargetChoice
@@ -172,7 +173,7 @@ def test_the_same_input_gives_the_same_offers():
     assert runs[0] == runs[1]
 
 
-@pytest.mark.parametrize(
+@each(
     ("wrong", "words"),
     [
         ({"quality_hysteresis": -0.1}, "quality_hysteresis"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rows import each
 
 import odm
 from odm.approach.approach import Approacher
@@ -325,7 +326,7 @@ def test_a_small_budget_is_kept(planner):
     assert not tight and tight.motions == 3 and "budget of 3 motions" in tight.reason
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "text"),
     [
         ({"T_base_tool": np.diag([1.0, 1.0, 2.0, 1.0])}, "rigid"),

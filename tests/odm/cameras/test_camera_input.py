@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 from seen_scenes import camera_at, picture
 from small import AWAY, HOME
 
@@ -114,7 +115,7 @@ def test_a_pose_that_is_not_rigid_is_refused(camera, spoil):
     refused("T_base_camera of camera", camera.moved, bad)
 
 
-@pytest.mark.parametrize(
+@each(
     "name, value",
     [("width", 0), ("height", 2.5), ("fx", 0.0), ("fy", -3.0), ("scale", np.nan),
      ("cx", np.inf), ("cx", 20000.0), ("cy", np.nan), ("cy", -17000.0),
@@ -161,7 +162,7 @@ def test_no_camera_is_refused(small_map):
     refused("no camera", odm.SeenSpace, small_map, [])
 
 
-@pytest.mark.parametrize(
+@each(
     "options",
     [{"d_self": 0.02}, {"d_self": -1.0}, {"memory_s": -0.1}, {"speed": np.nan},
      {"policy": "hope"}, {"policy": ["free"]}, {"flying_m": 0.0}, {"noise_m": 1.0}],

@@ -16,6 +16,7 @@ from carrying import (
     capsules,
 )
 from naive_cells import free_items
+from rows import each
 from small import AWAY, HOME, NOBODY, draw_arm, small_recipe
 from wrappers import with_wrapper
 
@@ -139,7 +140,7 @@ def test_the_layer_is_stored_and_read_again(cell_map, tmp_path):
         assert np.array_equal(array, again.payload.arrays()[name])
 
 
-@pytest.mark.parametrize(
+@each(
     ("table", "words"),
     [
         ({}, "either a radius"),

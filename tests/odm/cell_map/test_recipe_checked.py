@@ -1,6 +1,7 @@
 """A mistake anywhere in a recipe is told when it is read, before the robot is."""
 
 import pytest
+from rows import each
 
 import odm.cell_map.build
 from odm import Recipe, load_recipe
@@ -8,7 +9,7 @@ from odm.cell_map.recipe import parse_recipe, recipe_of_map
 from roadmap.errors import BadRecipe
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "words"),
     [
         ('[[scenery]]\ntype = "cone"', "choose one of"),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rows import each
 
 import odm
 from odm.execution._threat import write_sharpest
@@ -221,9 +222,9 @@ def arms_apart(gap, t, v=0.4):
     return np.array([one, other])
 
 
-@pytest.mark.parametrize("rate", [30, 100])
-@pytest.mark.parametrize("gap", [0.001, 0.01, 0.05, 0.2])
-@pytest.mark.parametrize("times", [(4,), (2,), (4, 5), (4, 6)])
+@each("rate", [30, 100])
+@each("gap", [0.001, 0.01, 0.05, 0.2])
+@each("times", [(4,), (2,), (4, 5), (4, 6)])
 def test_parts_that_exchange_their_names_are_of_unknown_speed(rate, gap, times):
     v, passing = 0.4, 0.1 / 0.4  # they meet then
     begin = passing - 4.0 / rate

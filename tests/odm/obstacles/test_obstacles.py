@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from nearest import to_nearest
+from rows import each
 from shapes_drawn import KINDS, draw_shape, draw_shapes, exact_distance
 
 import odm
@@ -185,7 +186,7 @@ def test_a_bad_value_holds_the_robot_and_says_which_shape(planner, change, text,
     assert planner.separation(q) == -np.inf
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "text"),
     [
         (

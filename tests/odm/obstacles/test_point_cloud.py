@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from nearest import to_nearest
+from rows import each
 
 import odm
 from odm.obstacles.point_cloud import thinned
@@ -149,7 +150,7 @@ def test_a_cloud_brings_its_covering_radius(planner):
         planner.step(odm.PointCloud(wall(), spacing=0.2), q=q)
 
 
-@pytest.mark.parametrize(
+@each(
     ("how", "told"),
     [
         ({"points": np.zeros((3, 2))}, r"shape \(3, 2\); give \(n, 3\)"),

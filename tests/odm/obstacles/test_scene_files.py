@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 
 from odm.obstacles.scene_files import read_scene, write_scene
 from odm.obstacles.shapes import Box, Cylinder, Mesh, Sphere
@@ -185,7 +186,7 @@ def test_a_mesh_of_a_urdf_is_read_beside_it(tmp_path):
         read(tmp_path, text.replace("part.stl", "gone.stl"), "cell.urdf")
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "told"),
     [
         ("", "ends without its last line '.', in line 0"),

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from rows import each
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -227,8 +228,8 @@ def bad_rod(column, value):
     return rods
 
 
-@pytest.mark.parametrize("sample", [sample_capsules, sample_cylinders])
-@pytest.mark.parametrize(
+@each("sample", [sample_capsules, sample_cylinders])
+@each(
     ("column", "value", "says"),
     [
         (6, 0.0, "1 has radius 0.0 m"),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 from small import AWAY, HOME, NOBODY, draw_valid
 
 import odm
@@ -134,7 +135,7 @@ def test_the_number_of_goals_is_bounded_and_the_same_call_gives_the_same(asked, 
     assert again.goals.tobytes() == all_.goals.tobytes()
 
 
-@pytest.mark.parametrize(
+@each(
     ("how", "told"),
     [
         ({"poses": []}, "no poses were given; give 1 to 32 poses"),

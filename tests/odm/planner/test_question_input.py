@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 from small import AWAY, HOME, NOBODY, ball_at
 
 from odm.close_test import _close as close
@@ -74,8 +75,8 @@ def compiled():
     return [len(t.signatures) for t in (*tests, close.place_anchor)]
 
 
-@pytest.mark.parametrize("question", QUESTIONS)
-@pytest.mark.parametrize("layout", LAYOUTS)
+@each("question", QUESTIONS)
+@each("layout", LAYOUTS)
 def test_any_layout_of_numbers_is_answered_and_compiles_nothing(
     asked, question, layout
 ):
@@ -86,23 +87,23 @@ def test_any_layout_of_numbers_is_answered_and_compiles_nothing(
     assert compiled() == before
 
 
-@pytest.mark.parametrize("question", QUESTIONS)
-@pytest.mark.parametrize("wrong", WRONG)
+@each("question", QUESTIONS)
+@each("wrong", WRONG)
 def test_what_is_no_configuration_is_refused_in_one_sentence(asked, question, wrong):
     q, words = WRONG[wrong]
     if q is None and question in ("approach", "improve"):
-        pytest.skip("None has a meaning there")
+        return  # None has a meaning there
     with pytest.raises(BadInput, match=words):
         QUESTIONS[question](asked, q)
 
 
-@pytest.mark.parametrize("extra", [-0.01, np.nan, np.inf, "1 cm"])
+@each("extra", [-0.01, np.nan, np.inf, "1 cm"])
 def test_what_is_no_extra_distance_is_refused(asked, extra):
     with pytest.raises(BadInput, match="extra"):
         asked.stands_clear(HOME, extra)
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@each("layout", LAYOUTS)
 def test_paths_of_any_layout_are_tested_and_compile_nothing(asked, layout):
     path = np.stack([HOME, AWAY])
     laid_out = LAYOUTS[layout](path.ravel())
@@ -113,13 +114,13 @@ def test_paths_of_any_layout_are_tested_and_compile_nothing(asked, layout):
     assert compiled() == before
 
 
-@pytest.mark.parametrize("path", [None, "path", [[0, 0, 0], [1, 1]], [[None] * 3]])
+@each("path", [None, "path", [[0, 0, 0], [1, 1]], [[None] * 3]])
 def test_paths_of_no_numbers_are_refused(asked, path):
     with pytest.raises(BadInput, match="the path must be an array of real numbers"):
         asked.blocked_leg(path)
 
 
-@pytest.mark.parametrize(
+@each(
     ("goals", "words"),
     [
         ([], "no goals were given; give 1 to 32 configurations of 3 joint values"),
@@ -142,13 +143,13 @@ def test_goals_that_are_none_get_one_plain_sentence(planner, goals, words):
     assert len(planner.goals) == 0
 
 
-@pytest.mark.parametrize("costs", ["a", [None], [[1.0]], [np.nan], [1.0, 2.0]])
+@each("costs", ["a", [None], [[1.0]], [np.nan], [1.0, 2.0]])
 def test_costs_that_are_none_are_refused(planner, costs):
     with pytest.raises(BadConfiguration, match="costs"):
         planner.set_goals([AWAY], costs)
 
 
-@pytest.mark.parametrize(
+@each(
     ("argument", "value"),
     [
         ("covering_radius", "1 cm"),
@@ -172,26 +173,26 @@ def test_other_arguments_of_a_frame_are_refused_and_the_last_frame_stays(
     assert asked.separation(HOME) == before < np.inf
 
 
-@pytest.mark.parametrize("extra", [np.nan, np.inf, -0.1, 0.6, "1 cm", None, True])
+@each("extra", [np.nan, np.inf, -0.1, 0.6, "1 cm", None, True])
 def test_an_extra_clearance_out_of_range_is_refused(planner, extra):
     with pytest.raises(BadInput, match="extra clearance"):
         planner.set_extra_clearance(extra)
 
 
-@pytest.mark.parametrize("budget", [-1, 1.5, np.nan, "all", None])
+@each("budget", [-1, 1.5, np.nan, "all", None])
 def test_a_budget_that_is_no_count_is_refused(planner, budget):
     with pytest.raises(BadInput, match="budget of improve"):
         planner.improve(budget)
 
 
-@pytest.mark.parametrize("T", ["here", None, np.eye(3), [[1], [1, 2]]])
+@each("T", ["here", None, np.eye(3), [[1], [1, 2]]])
 def test_poses_of_no_numbers_are_refused(planner, T):
     for ask in (planner.approach, planner.set_base):
         with pytest.raises(BadInput):
             ask(T)
 
 
-@pytest.mark.parametrize(
+@each(
     "given", [{"distance": "far"}, {"direction": "down"}, {"direction": [[1], [1, 2]]}]
 )
 def test_lines_of_no_numbers_are_refused(planner, given):

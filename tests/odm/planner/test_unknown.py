@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from rows import each
 from small import AWAY, HOME, NOBODY, POST, ball_at
 
 import odm
@@ -43,8 +44,8 @@ def is_closed(planner: odm.ReactivePlanner) -> bool:
 # --- NaN ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("extra", [NAN, INF, -INF])
-@pytest.mark.parametrize("points", [POINTS, NOBODY, None])
+@each("extra", [NAN, INF, -INF])
+@each("points", [POINTS, NOBODY, None])
 def test_an_extra_that_is_no_number_blocks(planner, extra, points):
     planner.step(NOBODY, q=HOME)
     assert planner.blocked_leg(HOME[None], extra, points) == 0
@@ -107,7 +108,7 @@ def test_an_extra_below_the_clearance_is_refused(planner):
         planner.blocked_leg(HOME[None], -m - 0.001, NOBODY)
 
 
-@pytest.mark.parametrize(
+@each(
     "points",
     [
         np.zeros((4, 2)),
@@ -123,7 +124,7 @@ def test_points_of_the_wrong_kind_are_refused_by_every_question(planner, points)
         planner.evasion(HOME, [(0.1, points)], 0.5)
 
 
-@pytest.mark.parametrize(
+@each(
     "path",
     [np.zeros((1, 2)), HOME, np.array([[None] * 3]), [["a", "b", "c"]], [[1], []]],
 )
@@ -161,8 +162,8 @@ def test_configurations_that_are_no_numbers_are_refused_by_questions(planner):
         planner.separation(np.array([None, 1.0, 2.0]))
 
 
-@pytest.mark.parametrize("value", [NAN, INF, -INF])
-@pytest.mark.parametrize("what", ["q", "dq", "radii"])
+@each("value", [NAN, INF, -INF])
+@each("what", ["q", "dq", "radii"])
 def test_the_kernels_take_what_is_no_number_for_blocked(planner, what, value):
     far = np.array([[-0.85, -0.85, 0.0]])
     planner.step(far, q=HOME)

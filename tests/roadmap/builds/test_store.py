@@ -8,6 +8,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from rows import each
 
 from roadmap.builds import store
 from roadmap.builds.store import read_folder, write_folder
@@ -112,7 +113,7 @@ def test_damaged_headers_are_refused_in_one_sentence_or_read_as_they_were(
     assert refused > 400
 
 
-@pytest.mark.parametrize(
+@each(
     "header",
     [
         b"{'descr': '<i4', 'fortran_order': False, 'shape': (8, 5), }",
@@ -127,8 +128,9 @@ def test_damaged_headers_are_refused_in_one_sentence_or_read_as_they_were(
         b"",
     ],
 )
-@pytest.mark.parametrize("version", [b"\x01\x00", b"\x02\x00", b"\x09\x07"])
-def test_headers_that_numpy_cannot_read_are_refused(folder, header, version):
+@each("version", [b"\x01\x00", b"\x02\x00", b"\x09\x07"])
+def test_headers_that_numpy_cannot_read_are_refused(tmp_path, header, version):
+    folder = write_folder(tmp_path / "map", {"kind": "test"}, ARRAYS)
     file = folder / "counts.npy"
     whole = file.read_bytes()
     told = header.ljust(117) + b"\n"
@@ -141,9 +143,11 @@ def test_headers_that_numpy_cannot_read_are_refused(folder, header, version):
         read_folder(folder, verify=False)
 
 
-@pytest.mark.parametrize("wrong", _PLACES, ids=repr)
-@pytest.mark.parametrize("key", ["arrays", "dtype", "shape", "sha256", "format"])
-def test_fields_of_a_wrong_type_are_refused(folder, key, wrong):
+@each("wrong", _PLACES)
+@each("key", ["arrays", "dtype", "shape", "sha256", "format"])
+def test_fields_of_a_wrong_type_are_refused(tmp_path, key, wrong):
+    folder = write_folder(tmp_path / "map", {"kind": "test"}, ARRAYS)
+
     def change(manifest):
         if key in manifest:
             manifest[key] = wrong
@@ -158,7 +162,7 @@ def test_fields_of_a_wrong_type_are_refused(folder, key, wrong):
         read_folder(folder)
 
 
-@pytest.mark.parametrize(
+@each(
     "text", ["", "[]", "3", "null", '"x"', "[" * 100_000, "{" * 500, '{"format": NaN}']
 )
 def test_a_manifest_that_is_none_is_refused(folder, text):

@@ -95,16 +95,18 @@ def velocities(robot, q, dq):
     """Return |J dq| of every centre, body by body up to the base."""
     poses = body_frames(robot, q)
     centers = sphere_centers(robot, q)
-    result = np.zeros((len(centers), 3))
-    for i, body in enumerate(robot.sphere_body):
-        while body > 0:
-            parent, joint, kind = robot.tree_i[body]
+    result, body = np.zeros((len(centers), 3)), robot.sphere_body.copy()
+    while (body > 0).any():
+        for k in set(body[body > 0].tolist()):  # for all centres that it carries
+            joint, kind = robot.tree_i[k, 1:]
             if kind:
-                axis = poses[body, :3, :3] @ robot.tree_f[body, 12:15]
-                rate = robot.tree_f[body, 15] * dq[joint]
-                lever = centers[i] - poses[body, :3, 3]
-                result[i] += rate * (np.cross(axis, lever) if kind == 1 else axis)
-            body = parent
+                axis = poses[k, :3, :3] @ robot.tree_f[k, 12:15]
+                rate = robot.tree_f[k, 15] * dq[joint]
+                lever = centers[body == k] - poses[k, :3, 3]
+                result[body == k] += rate * (
+                    np.cross(axis, lever) if kind == 1 else axis
+                )
+        body = np.where(body > 0, robot.tree_i[body, 0], body)
     return np.linalg.norm(result, axis=1)
 
 

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from moving import DT, check_limits, draw_path
+from rows import each
 from wrappers import with_wrapper
 
 import roadmap
@@ -33,15 +34,15 @@ def test_a_set_point_has_one_time_that_is_a_number(panda, rng, time):
 def test_samples_are_the_bytes_of_one_time_after_the_other(panda, rng, blend):
     for corners in (1, 2, 5, 5):
         motion = roadmap.time_path(panda, draw_path(panda, rng, corners), blend=blend)
-        for each in (motion, motion.stop(0.4 * motion.duration)):
-            times = np.r_[0.0, rng.uniform(0.0, 1.1 * each.duration + 0.1, 200)]
-            for k, rows in enumerate(each.sample(times)):
-                one_by_one = np.array([each.at(t)[k] for t in times])
+        for one in (motion, motion.stop(0.4 * motion.duration)):
+            times = np.r_[0.0, rng.uniform(0.0, 1.1 * one.duration + 0.1, 200)]
+            for k, rows in enumerate(one.sample(times)):
+                one_by_one = np.array([one.at(t)[k] for t in times])
                 assert rows.shape == (201, panda.dof)
                 assert rows.tobytes() == one_by_one.tobytes()
             for wrong in (-1.0, np.nan):
                 with pytest.raises(BadInput, match="no set-point at"):
-                    each.sample([0.1, wrong])
+                    one.sample([0.1, wrong])
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.002, 0.02])
@@ -288,7 +289,7 @@ def test_a_single_corner_stands(panda):
     assert isinstance(motion.stop(0.0), Motion)
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "word"),
     [
         ({"path": np.zeros((2, 3))}, "shape"),

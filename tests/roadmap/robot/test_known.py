@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rows import each
 
 from roadmap import load_robot, robot_names
 from roadmap.errors import BadRobot
@@ -46,7 +47,7 @@ def test_the_names_that_are_promised_are_known():
     assert robot_names() == sorted(robot_names())
 
 
-@pytest.mark.parametrize("name", robot_names())
+@each("name", robot_names())
 def test_a_robot_of_ours_is_there_and_goes_into_the_wheel(name):
     known = known_robot(name)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())

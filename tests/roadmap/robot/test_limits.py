@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rows import each
 from small import DATA, small_recipe
 from urdf_parts import BALL, COARSE
 
@@ -28,8 +29,8 @@ def test_given_limits_take_the_place_of_the_file_s_and_of_the_defaults():
     assert np.array_equal(robot.max_jerk[:2], plain.max_jerk[:2])
 
 
-@pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
-@pytest.mark.parametrize(
+@each("kind", ["velocity", "acceleration", "jerk"])
+@each(
     ("values", "word"),
     [({"elbow": 1.0}, "elbow"), ({"bend": 0.0}, "0"), ({"bend": np.nan}, "nan")],
 )

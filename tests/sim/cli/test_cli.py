@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import typer
 from command_line import one_sentence
+from rows import each
 
 import sim.__main__ as entry
 from odm import build_map, load_map
@@ -116,7 +117,7 @@ def test_a_wrong_option_is_a_usage_error(odm):
     assert odm("build", "--robot", "my.urdf", "--lock", "a=b")[0] == 2
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         ("info", "no/such/map"),

@@ -9,6 +9,7 @@ from typing import get_type_hints
 
 import pytest
 import typer
+from rows import each
 from typer.testing import CliRunner
 
 import sim.cli
@@ -90,7 +91,7 @@ def test_flags_know_their_names_and_which_of_a_panel_were_given():
     assert is_given(request, "tall") and not is_given(request, "names")
 
 
-@pytest.mark.parametrize("kind", list(requests()), ids=lambda kind: kind.__name__)
+@each("kind", list(requests()))
 def test_every_flag_of_every_command_has_a_help(kind):
     assert flags_of(kind)
     for field in fields(kind):
@@ -98,7 +99,7 @@ def test_every_flag_of_every_command_has_a_help(kind):
             assert field.metadata["option"].help.strip(), field.name
 
 
-@pytest.mark.parametrize("kind", list(requests()), ids=lambda kind: kind.__name__)
+@each("kind", list(requests()))
 def test_every_number_of_every_command_has_limits_of_its_own(kind):
     hints = get_type_hints(kind, include_extras=True)
     for name, word in flags_of(kind).items():

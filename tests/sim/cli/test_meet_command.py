@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from command_line import one_sentence
+from rows import each
 
 from handover import (
     Human,
@@ -174,7 +175,7 @@ def test_a_robot_with_a_tall_base_stands_on_the_floor(robot):
     assert meet_cut.base_height(armar) == 0.0
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "said"),
     [
         (("--object", "hammer"), "--object is 'hammer': choose wrench or mallet"),

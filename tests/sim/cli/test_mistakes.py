@@ -12,6 +12,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
+from rows import each
 
 from odm import build_map
 from sim.loop.warmup import tiny_recipe
@@ -311,12 +312,12 @@ def refused(odm, room, monkeypatch):
     return run
 
 
-@pytest.mark.parametrize(("words", "value", "remedy"), FLAGS + FILES + READ)
+@each(("words", "value", "remedy"), FLAGS + FILES + READ)
 def test_a_mistake_is_one_sentence_with_value_and_remedy(refused, words, value, remedy):
     refused(words, value, remedy)
 
 
-@pytest.mark.parametrize(("index", "recipe"), list(enumerate(RECIPES)))
+@each(("index", "recipe"), list(enumerate(RECIPES)))
 def test_a_mistake_in_a_recipe_names_its_key(refused, index, recipe):
     words = ("build", f"recipe{index}.toml", "--out", "made")
     refused(words, *recipe[1:])

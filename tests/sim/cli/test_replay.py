@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import one_sentence, started
+from rows import each
 
 from odm import ReactivePlanner, build_map, load_map
 from sim.loop.recording import BadRecording, read_recording
@@ -138,7 +139,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+@each("name", WRONG)
 def test_a_malformed_recording_is_refused(name, odm, map_dir, recording, tmp_path):
     arrays = {key: np.array(value) for key, value in recording.items()}
     WRONG[name](arrays)

@@ -7,6 +7,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 from mocap_files import person, write_csv
+from rows import each
 
 from handover import ReachSettings, build_reach_map, chain_of
 from handover.targets.live_targets import THERE, WITHDRAWN
@@ -149,7 +150,7 @@ def test_the_audit_counts_nodes_and_none_that_stands_in_the_person(built, monkey
     assert found.top is None and found.rank == len(served)
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "told"),
     [
         (["--targets", "moon"], "choose places or meet"),
@@ -230,9 +231,9 @@ def test_robots_of_one_name_each_get_a_reach_map(built, tmp_path, monkeypatch):
         T_body_tip[2, 3] += length
         robots.append(replace(robot, T_body_tip=T_body_tip))
     for _ in range(2):
-        for each in robots:
-            reach = meet.reach_map_of(each, None, lambda *progress: None)
-            meet.check_same_robot(reach, each)
+        for one in robots:
+            reach = meet.reach_map_of(one, None, lambda *progress: None)
+            meet.check_same_robot(reach, one)
     assert len(made) == 3 == len(list((tmp_path / "maps/built/reach").iterdir()))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rows import each
 
 from roadmap.errors import BadInput
 from sim.keyboard.bindings import ARM_KEYS, MOVES, SLIDERS
@@ -123,7 +124,7 @@ def test_the_motion_is_smooth():
     assert jumps.max() <= 0.2 * arm.max_speed
 
 
-@pytest.mark.parametrize("key", sorted(MOVES))
+@each("key", sorted(MOVES))
 def test_each_key_moves_its_own_value_by_one_nudge(key):
     axis, sign = MOVES[key]
     arm = KeyboardArm(events=[KeyEvent(0.0, key)])
@@ -195,7 +196,7 @@ def test_every_slider_has_its_place_in_the_state():
     assert len(SLIDERS) == len(KeyboardArm().at(0.0)) == 7
 
 
-@pytest.mark.parametrize(
+@each(
     ("make", "words"),
     [
         (lambda: KeyboardArm(events=[KeyEvent(0.0, "x")]), "'x' is no key of the arm"),

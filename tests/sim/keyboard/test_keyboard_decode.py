@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rows import each
 
 from sim.keyboard.bindings import ARM_KEYS, MOVES, OTHERS, SLIDERS, plain
 from sim.keyboard.terminal import KeyDecoder
@@ -26,7 +27,7 @@ SENT = {
 UNKNOWN = (b"\x1b[24~", b"\x1bOP", b"\x1b[Z", b"\x00", b"\t", b"\xc3\xa4", b"\x1b[201~")
 
 
-@pytest.mark.parametrize(("data", "name"), SENT.items())
+@each(("data", "name"), SENT.items())
 def test_a_key_has_its_name_in_one_piece_and_byte_by_byte(data, name):
     assert KeyDecoder().feed(data) == [name]
     torn = KeyDecoder()

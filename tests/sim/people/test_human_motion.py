@@ -17,7 +17,7 @@ from sim.people.human_motion import TREMBLE, make_motion, motion_names, register
 from sim.run.request import RunRequest
 
 # rounds of legs of one arm; of another motion, test the speed beside crowding's
-SCRIPTED = [n for n in motion_names() if isinstance(make_motion(n), ScriptedMotion)]
+SCRIPTED = ("sweep", "reach", "jitter", "hover", "intrusion", "tremble")
 
 
 STEP = 0.005  # [s]
@@ -33,6 +33,11 @@ def round_of(name):
     """Return a motion, and its first round and a second more, a row each STEP."""
     motion = make_motion(name, 5)
     return motion, track(motion)
+
+
+def test_these_are_the_rounds_of_legs_of_one_arm():
+    found = {n for n in motion_names() if isinstance(make_motion(n), ScriptedMotion)}
+    assert found == set(SCRIPTED)
 
 
 def ends(capsules):

@@ -3,6 +3,7 @@ import re
 import numpy as np
 import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
+from rows import each
 from scipy.spatial.transform import Rotation
 
 from sim.people.mocap import BadMocap, load_mocap, read_tracks
@@ -78,7 +79,7 @@ def test_csv_rotations_may_be_absent_where_places_are_not(tmp_path):
     assert np.isfinite(read_tracks(path).places["hip"]).all()
 
 
-@pytest.mark.parametrize(
+@each(
     "old, new, words",
     [
         ("\n100\n", "\n0\n", "0 frames per second; a person's motion needs 10 to"),
@@ -210,7 +211,7 @@ def random_bvh(rng, path):
     return expected
 
 
-@pytest.mark.parametrize("seed", range(12))
+@each("seed", range(12))
 def test_any_channel_order_poses_the_chain_like_another_library(tmp_path, seed):
     rng = np.random.default_rng(seed)
     expected = random_bvh(rng, tmp_path / "r.bvh")
@@ -235,7 +236,7 @@ def test_bvh_of_a_person_gives_the_joints_back(tmp_path):
         np.testing.assert_allclose(tracks.places[name], expected, atol=1e-4)
 
 
-@pytest.mark.parametrize(
+@each(
     "old, new, words",
     [
         ("Frame Time: 0.01000000", "Frame Time: 0.0", "frame time of 0 s, so no rate"),

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from mocap_files import BVH_NAMES, STANDING, person, write_bvh, write_csv
+from rows import each
 
 from handover.human.body import Part
 from sim.people.mocap import BadMocap, MocapSettings, load_mocap, read_tracks
@@ -21,7 +22,7 @@ def refusal(*args, **options):
 # names
 
 
-@pytest.mark.parametrize("label", BUILT_IN)
+@each("label", BUILT_IN)
 def test_built_in_names_are_known(tmp_path, label):
     here = {j: n for j, n in BUILT_IN[label].items() if j in STANDING}
     names = {BVH_NAMES[joint]: name for joint, name in here.items()}
@@ -253,7 +254,7 @@ def stretched(part, length):
     return joints
 
 
-@pytest.mark.parametrize(
+@each(
     "part, length, fits",
     [
         ("upper arm", 0.13, False),
@@ -348,7 +349,7 @@ def test_a_clip_that_is_over_with_its_t_pose_is_refused(tmp_path):
 # settings
 
 
-@pytest.mark.parametrize(
+@each(
     "settings, words",
     [
         ({"unit": "furlong"}, "no unit 'furlong'; choose one of m, cm, inch, mm"),
@@ -404,8 +405,8 @@ def test_a_unit_that_makes_the_arm_nobodys_is_refused_with_the_one_that_fits(tmp
     assert "in the unit 40 m (unit of the settings)" in told
 
 
-@pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("height", [0.97, 1.05, 1.75, 2.15])
+@each("unit", UNITS)
+@each("height", [0.97, 1.05, 1.75, 2.15])
 def test_the_unit_is_told_for_children_and_for_tall_people(tmp_path, height, unit):
     size, metres = height / 1.75, UNITS[unit]
     joints = {name: place * size for name, place in person(30).items()}

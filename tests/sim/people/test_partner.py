@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rows import each
 
 from handover import Human, wrench
 from handover.human.body import LEG_LABELS
@@ -138,7 +139,7 @@ def test_still_capsules_of_no_length_have_a_distance():
     assert least_gap(one[None], other[None]) == pytest.approx(0.7)
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "told"),
     [
         ({"story": "dance"}, "choose work, handover or maintenance"),

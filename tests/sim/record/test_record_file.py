@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from recorded import crane_recipe, new_loop, recorded, tampered, with_array
+from rows import each
 
 from odm import build_map, load_map, load_recipe
 from odm.cell_map.recipe import Recipe, RobotRecipe, parse_recipe, recipe_names
@@ -142,7 +143,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("words", WRONG)
+@each("words", WRONG)
 def test_arrays_that_are_no_run_are_refused(words, record, tmp_path):
     path = write_record(WRONG[words](record), tmp_path / "run.npz")
     with pytest.raises(BadRecord, match=words):
@@ -210,7 +211,7 @@ def test_the_map_is_built_again_without_its_urdf(crane_urdf, tmp_path):
     assert again.hash == cell_map.hash
 
 
-@pytest.mark.parametrize("name", recipe_names())
+@each("name", recipe_names())
 def test_recipes_are_written_as_they_are_read(name, tmp_path):
     recipe = load_recipe(name)
     (tmp_path / "again.toml").write_text(recipe_text(recipe), encoding="utf-8")
