@@ -1,8 +1,6 @@
 """Draw configurations: uniform, Halton, deterministic grid, biased to a region."""
 
-import math
 from collections.abc import Iterator
-from itertools import count, islice
 
 import numpy as np
 
@@ -47,33 +45,11 @@ def _uniform(dof: int, rng: np.random.Generator, _n: int) -> Iterator[np.ndarray
 
 
 def _halton(dof: int, rng: np.random.Generator, _n: int) -> Iterator[np.ndarray]:
-    """Yield a Halton sequence whose digits are permuted: that of scipy.stats.qmc.
+    from scipy.stats import qmc  # takes half a second to import
 
-    To import that takes as long as to sample.
-    """
-    bases, rng = list(islice(_primes(), dof)), rng.spawn(1)[0]
-    digits = [_permuted_digits(base, rng) for base in bases]
-    for start in count(0, _CHUNK):
-        unit = np.zeros((_CHUNK, dof))
-        for k, (base, permuted) in enumerate(zip(bases, digits, strict=True)):
-            left, share = np.arange(start, start + _CHUNK), 1.0 / base
-            for row in permuted:
-                left, digit = np.divmod(left, base)
-                unit[:, k] += (share * row)[digit]
-                share /= base
-        yield unit
-
-
-def _permuted_digits(base: int, rng: np.random.Generator) -> np.ndarray:
-    """Return a permutation of the digits for each place that a double resolves."""
-    rows = np.tile(np.arange(base), (math.ceil(54 / math.log2(base)) - 1, 1))
-    for row in rows:
-        rng.shuffle(row)
-    return rows
-
-
-def _primes() -> Iterator[int]:
-    return (n for n in count(2) if all(n % k for k in range(2, math.isqrt(n) + 1)))
+    sequence = qmc.Halton(dof, seed=rng)  # scrambled
+    while True:
+        yield sequence.random(_CHUNK)
 
 
 def _grid(dof: int, rng: np.random.Generator, n_nodes: int) -> Iterator[np.ndarray]:

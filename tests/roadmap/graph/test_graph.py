@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
-from scipy.stats import qmc
 
 from roadmap import load_robot
 from roadmap.errors import BadInput, BuildRefused
@@ -27,7 +26,7 @@ def asking(motions_free):
 
 
 def test_halton_draws_what_maps_were_built_of():
-    """Permuted otherwise, maps would have other bytes."""
+    """Another version of scipy may scramble otherwise: maps would have other bytes."""
     robot = SimpleNamespace(dof=3, lower=np.zeros(3), upper=np.ones(3))
     drawn = draw(robot, "halton", 1, 0, None)
     rows = [next(drawn)[0].tolist() for _ in range(2)]
@@ -35,15 +34,6 @@ def test_halton_draws_what_maps_were_built_of():
         [0.8266998079256848, 0.5345619081195782, 0.09241988789982591],
         [0.8262115266756848, 0.9140772259065009, 0.5352998878998261],
     ]
-
-
-@pytest.mark.parametrize("dof", [1, 7, 14])
-def test_halton_is_that_of_scipy_to_the_bit(dof):
-    rng = np.random.default_rng(dof)
-    robot = SimpleNamespace(dof=dof, lower=np.zeros(dof), upper=np.ones(dof))
-    drawn, twin = draw(robot, "halton", dof, 0, None), qmc.Halton(dof, seed=rng)
-    for _ in range(5):
-        assert np.array_equal(next(drawn), twin.random(1024))
 
 
 def test_every_edge_stands_in_the_lists_of_both_its_nodes(small_map):
