@@ -85,7 +85,7 @@ def test_a_stop_is_tested_in_pieces_of_the_length_asked_for(small_map, slice_s, 
     planner = SimpleNamespace(blocked_leg=blocked_leg)
     motion = time_path(small_map.robot, np.array([np.zeros(3), np.ones(3)]))
     still = SimpleNamespace(between=lambda begin, end: ((begin, end), 0.0))
-    test = BrakingTest(planner, StopTestSettings(slice_s=slice_s))
+    test = BrakingTest(planner, settings=StopTestSettings(slice_s=slice_s))
     stop = motion.stop(0.4)
     assert test.passes(motion, 0.0, 0.4, stop, still)
     assert len([there for there in asked[1:] if there[1] <= 0.4 + 1e-9]) == pieces

@@ -90,8 +90,8 @@ class Executor:
         self.held: Motion | None = None
         self.held_t, self._braked_s = 0.0, 0.0
         self.state, self.reason = STANDING, ""
-        stop_s = s.latency_s + stop_time(robot, s.slowest_scale, period)
-        self.quick = stop_s <= pace.quick_s
+        late, stop_s = s.latency_s, stop_time(robot, s.slowest_scale, period)
+        self.quick = stop_s + late <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
@@ -100,15 +100,14 @@ class Executor:
             self._blend = min(self._blend, safety.blending)
         self._closer = max(self._clearance - s.yield_gap, 0.0)  # than m, leaving
         share = max(tracking - s.encoder_error, 0.0)
-        self._tracking = TrackingMonitor(robot, share, period, latency_s=s.latency_s)
-        self._test = BrakingTest(planner, latency_s=s.latency_s)
-        self._standing = StandingWatch(planner)
+        self._tracking = TrackingMonitor(robot, share, period, latency_s=late)
+        self._test, self._shells = BrakingTest(planner, late), ShellTest(planner, late)
+        self._standing, self._timed = StandingWatch(planner), TimedBefore()
         self._separation = SeparationWatch(planner)
         looks = self.brakes and callable(getattr(planner, "evasion", None)) and s.yields
         self._lookout = Lookout(planner, period) if looks else None
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
-        self._shells, self._timed = ShellTest(planner, s.latency_s), TimedBefore()
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
         # whether this frame timed a new path, and whether it looked if somebody comes
         self.timed_path = self._looked = False
@@ -217,8 +216,7 @@ class Executor:
         """
         self._held_out = None
         if held_out is not None:
-            test = BrakingTest(held_out, latency_s=self.settings.latency_s)
-            self._held_out = held_out, test
+            self._held_out = held_out, BrakingTest(held_out, self.settings.latency_s)
 
     def commit(self) -> Commit:
         """Return where a new path would begin: the planner plans from there.

@@ -54,15 +54,15 @@ class BrakingTest:
 
     Args:
         planner: See above.
-        settings: How finely it tests.
         latency_s: The robot is where its set-point was up to so long ago [s].
+        settings: How finely it tests.
     """
 
     def __init__(
         self,
         planner: Any,  # noqa: ANN401
-        settings: StopTestSettings = StopTestSettings(),
         latency_s: float = 0.0,
+        settings: StopTestSettings = StopTestSettings(),
     ) -> None:
         self.planner, self.settings, self.latency_s = planner, settings, latency_s
         if hasattr(planner, "use_tight_ends"):
