@@ -90,8 +90,8 @@ class Executor:
         self.held: Motion | None = None
         self.held_t, self._braked_s = 0.0, 0.0
         self.state, self.reason = STANDING, ""
-        late, stop_s = s.latency_s, stop_time(robot, s.slowest_scale, period)
-        self.quick = stop_s + late <= pace.quick_s
+        late = s.latency_s
+        self.quick = late + stop_time(robot, s.slowest_scale, period) <= pace.quick_s
         self.brakes = callable(getattr(planner, "blocked_leg", None))
         self._clearance, self._blend, tracking = 0.0, s.blend, pace.tracking
         if self.brakes:
@@ -109,8 +109,9 @@ class Executor:
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
-        # whether this frame timed a new path, and whether it looked if somebody comes
-        self.timed_path = self._looked = False
+        self.timed_path = self._looked = (
+            False  # in this frame: a path, if someone comes
+        )
         self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
