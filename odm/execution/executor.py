@@ -39,6 +39,7 @@ from roadmap.robot.robot import Robot
 
 MOVING, SLOWED, BRAKED = "moving", "slowed", "braked"
 RETREATING, STANDING = "retreating", "standing"
+JerkRule = Callable[[Motion, float], float]  # the share for a motion's rest from t [s]
 # of a robot, which are its own whatever it holds
 _LIMITS = ("lower", "upper", "max_velocity", "max_acceleration", "max_jerk")
 _COMES = "somebody comes"
@@ -109,14 +110,12 @@ class Executor:
         # the planner's robot with what it holds, and ours with the same
         self._loaded = robot, robot
         self._held_out: tuple[HeldOut, BrakingTest] | None = None  # see `part_from`
-        self.timed_path = self._looked = (
-            False  # in this frame: a path, if someone comes
-        )
+        # whether this frame timed a new path, and whether it looked if somebody comes
+        self.timed_path = self._looked = False
         self._tried = 0  # frame in which a higher speed was tried last
         self._level = 0  # of speed; 0 is full speed
         self._least_level = 0  # none faster is used, see `limit_speed`
-        # see `limit_jerk`
-        self._jerk_rule: Callable[[Motion, float], float] | None = None
+        self._jerk_rule: JerkRule | None = None  # see `limit_jerk`
         self._share, self._share_of = 1.0, -1  # what it allows, and in which frame
         self._kept: Motion | None = None  # that was within it, or could not be
         self._kept_at = 0  # frame in which that was looked at
@@ -197,7 +196,7 @@ class Executor:
         within = [k for k, low in enumerate(self._shares) if low <= share + 1e-9]
         self._least_level = min([*within, self.settings.levels - 1])
 
-    def limit_jerk(self, rule: Callable[[Motion, float], float] | None) -> None:
+    def limit_jerk(self, rule: JerkRule | None) -> None:
         """Use no more of the jerk limits than a rule allows, from the next frame on.
 
         What is planned keeps it, where it still can; whatever brakes for somebody, gets
