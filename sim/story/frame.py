@@ -50,8 +50,9 @@ class StoryFrame:
             away than 1e6 m: unseen.
         q: (dof,) measured configuration; None: at the set-point, or as far from it as
             when last measured.
-        capsules: (k, 7) the person as the planner sees them, base frame [m]; None:
-            those of `human`.
+        capsules: (k, 7) the person as the planner sees them, base frame [m]; none of
+            them: nobody is there, which is believed soon, so let a tracker that has
+            lost somebody tell NaN; None: those of `human`.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
         stamp: When person and object were seen [s], of the clock of `now`; None: now.
             A loop that is quicker than its tracker tells what was seen last again, with
