@@ -34,14 +34,7 @@ from roadmap.ranges import settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
-from sim.story.frame import (
-    OTHER_SIDE,
-    Seen,
-    Sight,
-    StoryFrame,
-    are_sound,
-    covering_balls,
-)
+from sim.story.frame import OTHER_SIDE, Seen, Sight, StoryFrame, are_sound
 from sim.story.grasping import Offer, Reaches, straight_back
 from sim.story.machine import Machine, Step, StoryEvent
 from sim.story.object_places import Placing, Progress, checked_places
@@ -749,8 +742,7 @@ class Handover:
         last = self._last
         if last is None or last.obj is None:
             return False
-        gaps = ball_gaps(covering_balls(last.obj), last.person)
-        return bool(gaps.min(initial=np.inf) > self.settings.gone)
+        return least_gap(last.person, last.obj) > self.settings.gone
 
     def _way_back(self, q: np.ndarray) -> np.ndarray | None:
         """Return (dof,) straight back along the tool's axis from q; None: none."""

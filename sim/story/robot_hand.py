@@ -83,6 +83,10 @@ class Hand:
         """Return (4, 4) where the tool is at the set-point [m]."""
         return tool_pose(self.planner.robot, self.executor.set_point.q)
 
+    def T_base_held(self) -> np.ndarray:
+        """Return (4, 4) where the object is while it is held, at the set-point [m]."""
+        return self.T_base_tool() @ self.T_tool_object
+
     def capsules(self, T_base_object: np.ndarray | None) -> np.ndarray | None:
         """Return the object's capsules (k, 7), base frame [m]; None: it is not seen.
 
@@ -90,7 +94,7 @@ class Hand:
         """
         T = T_base_object
         if self.holding:
-            T = self.T_base_tool() @ self.T_tool_object
+            T = self.T_base_held()
         return None if T is None else moved_rods(self.obj.capsules, T)
 
     def take(self, T_tool_object: np.ndarray) -> None:
@@ -102,7 +106,7 @@ class Hand:
     def let_go(self, puts_down: bool) -> None:
         """Have the object out of the hand; `puts_down`: it stands where it is now."""
         if puts_down:
-            self.stands_at = (self.T_base_tool() @ self.T_tool_object)[:3, 3]
+            self.stands_at = self.T_base_held()[:3, 3]
         self.planner.detach()
         self.holding = self.doubted = False
 
@@ -114,9 +118,8 @@ class Hand:
         """Whether what is seen there (4, 4) [m] is what is in the hand, if anything."""
         if T_base_object is None or not self.doubted:
             return self.holding
-        T = self.T_base_tool() @ self.T_tool_object
-        off = float(np.linalg.norm(T[:3, 3] - T_base_object[:3, 3]))
-        return off < self.settings.between
+        off = np.linalg.norm(self.T_base_held()[:3, 3] - T_base_object[:3, 3])
+        return bool(off < self.settings.between)
 
     def is_between(self, T_base_object: np.ndarray | None) -> bool:
         """Whether an object is where a grasp would have it, while the robot stands.
