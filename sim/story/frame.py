@@ -13,6 +13,7 @@ import numpy as np
 
 from handover.human.body import ARM_LABELS, Part
 from handover.human.human import Human
+from odm.execution.missing import MissingParts
 from odm.execution.settings import FollowSettings
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
@@ -51,8 +52,9 @@ class StoryFrame:
         q: (dof,) measured configuration; None: at the set-point, or as far from it as
             when last measured.
         capsules: (k, 7) the person as the planner sees them, base frame [m]; none of
-            them: nobody is there, which is believed soon, so let a tracker that has
-            lost somebody tell NaN; None: those of `human`.
+            them: nobody is there; None: those of `human`. Parts that were there and are
+            not now count as missing, and stay for `ConductSettings.missing_s`; a
+            tracker that knows that it has lost somebody tells NaN.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
         stamp: When person and object were seen [s], of the clock of `now`; None: now.
             A loop that is quicker than its tracker tells what was seen last again, with
@@ -219,6 +221,8 @@ class Sight:
         follow = FollowSettings()
         longest = max(follow.drift_s, _LOST * hand.settings.seen_every_s)
         self._watcher = Watcher(hand.settings.threat, replace(follow, drift_s=longest))
+        fastest = hand.settings.threat.speed
+        self._missing = MissingParts(conduct.missing_s, fastest)
         self._sound: Seen | None = None  # the last in which all was seen
         # over which time noise makes a still object no faster than half of that
         calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
@@ -238,18 +242,25 @@ class Sight:
         """Work out a frame, `dt` [s] after the one before."""
         rows, labels = frame.person(self.T_base_world)
         sound = are_sound(rows)
-        if not sound or self._lacks_object(frame) or self._was_told(frame):
+        lacks = self._lacks_object(frame) or self._lacks_part(frame, len(labels))
+        if not sound or lacks or self._was_told(frame):
             lately = self._as_lately(frame, dt)
             if lately is not None:
                 return lately
+        may_be, missing = rows, None
+        if sound:
+            parts = self._missing.complete(rows, labels, frame.seen_at)
+            rows, labels, may_be, missing = parts
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not
         loose = obj is not None and not frame.holds
         loose = loose and not self.hand.has(frame.T_base_object)
         there = Obstacles(capsules=np.concatenate((rows, obj)) if loose else rows)
-        there.labels = {"capsules": words[: len(there)]}
+        there.labels = {"capsules": _told(words[: len(there)], missing)}
         everything = there.capsules
+        if missing is not None:
+            everything = np.concatenate((may_be, everything[len(rows) :]))
         threat, stamp = None, frame.seen_at
         age = 0.0 if frame.stamp is None else frame.now - stamp
         if len(everything):
@@ -265,7 +276,7 @@ class Sight:
         gaps = gap, self._instead(rows) if asked else 0.0
         aim = self._aim_at(frame.T_base_object)
         seen = Seen(frame, there, *who, obj, loose, *gaps, aim, speed, *times)
-        self._sound = seen if sound else self._sound
+        self._sound = seen if sound and missing is None else self._sound
         return seen
 
     def _was_told(self, frame: StoryFrame) -> bool:
@@ -283,6 +294,12 @@ class Sight:
         last, held = self._sound, self.hand.holding or frame.holds
         there = last is not None and last.loose and not held
         return there and frame.T_base_object is None
+
+    def _lacks_part(self, frame: StoryFrame, people: int) -> bool:
+        """Whether a frame shows fewer parts of the person than it lately was."""
+        last = self._sound
+        fewer = last is not None and people < last.people
+        return fewer and frame.seen_at - last.stamp < self.conduct.missing_s
 
     def _as_lately(self, frame: StoryFrame, dt: float) -> Seen | None:
         """Return a frame with the shapes of the last sound one; None: that is too old.
@@ -404,6 +421,15 @@ class Sight:
         if T is None or not self.settings.threat.noise:
             return T
         return _nearest_pose(np.mean([there for _, there in self._object_was], axis=0))
+
+
+def _told(words: list[str], missing: np.ndarray | None) -> list[str]:
+    """Return what the parts are called, those that are missing as such."""
+    if missing is None:
+        return words
+    lost = [*missing.tolist(), *[False] * (len(words) - len(missing))]
+    pairs = zip(words, lost, strict=True)
+    return [f"unseen {word or 'part'}" if hidden else word for word, hidden in pairs]
 
 
 def are_sound(rows: np.ndarray) -> bool:

@@ -540,9 +540,10 @@ class Handover:
         """Whether both hands are known to be so far from the object as to have gone."""
         obj = self.hand.capsules(seen.frame.T_base_object)  # where it is by now
         hands = np.isin(seen.labels, _HANDS)
-        if obj is None or not hands.any():
+        if obj is None or seen.threat is None or not hands.any():
             return False
-        return least_gap(seen.person[hands], obj) > self.settings.gone
+        rods = seen.threat.capsules[: seen.people]  # the missing ones as wide as known
+        return least_gap(rods[hands], obj) > self.settings.gone
 
     def _hand_comes(self, gap: float) -> bool:
         """Whether the hand, so far from the object [m], is there or on its way."""

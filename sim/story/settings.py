@@ -69,6 +69,10 @@ class ConductSettings(CheckedSettings):
         gone_s: A hand that was away for so long has gone [s].
         felt_s: Fingers that are said for so long to hold nothing, or to hold something
             after all, are believed [s].
+        missing_s: A part of the person that was seen, and is not now, is taken to be
+            where it was for so long [s], and to come from there: most often the robot
+            itself hides it. More: the robot waits for longer after somebody has left
+            all at once. 0: who is not seen is not there.
         instead: The person's other hand takes part from now on once it has been held
             out toward the robot's base by this, and by as much farther than the one
             that did, for `gone_s` [m]; not while that one is so near to the object.
@@ -99,6 +103,7 @@ class ConductSettings(CheckedSettings):
     stands: float = setting(1e-3, 1e-9, 1.0, "rad/s or m/s")
     gone_s: float = setting(0.5, 0.001, 60.0, "s")
     felt_s: float = setting(0.03, 0.0, 60.0, "s")
+    missing_s: float = setting(2.0, 0.0, 60.0, "s")
     instead: float = setting(0.05, 0.001, 2.0, "m")
     expected: tuple[float, ...] = setting((0.1, 0.2, 0.3, 0.4), 0.0, 10.0, "s")
     untouched: tuple[float, ...] = setting((0.8, 0.5, 0.3, 0.2, 0.1), 0.0, 10.0, "s")

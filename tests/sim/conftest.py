@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from built_once import built_once
 
-from odm import sample_capsules
+import handover
+from handover.targets.node_index import NodeIndex
+from odm import load_map, sample_capsules
 from roadmap import load_robot
 from roadmap.kinematics.forward import sphere_centers
 from sim.cli import main as cli
@@ -161,6 +163,14 @@ def meet_maps(tmp_path_factory):
     """Return the folders of a small map and a coarse reach map of the Kawasaki."""
     folder = built_once(tmp_path_factory, "meet", _build_meet_maps)
     return folder / "map", folder / "reach"
+
+
+@pytest.fixture(scope="module")
+def maps(meet_maps):
+    """A cell map, its reach map, and where the tool is at each node."""
+    cell_map = load_map(meet_maps[0])
+    index = NodeIndex(cell_map.robot, cell_map.roadmap.nodes)
+    return cell_map, handover.load_reach_map(meet_maps[1]), index
 
 
 def _build_meet_maps(folder):

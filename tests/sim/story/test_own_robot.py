@@ -9,12 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from forms import some
+from own_story import PERIOD, at_a_place, pulled, story_of
 
 import handover
 import odm
 import sim
 from handover.human.body import ARM_LABELS, Part
-from handover.targets.node_index import NodeIndex
 from odm.execution.executor import BRAKED, MOVING, RETREATING, Executor
 from odm.execution.stop_test import BrakingTest, slowest_stop
 from odm.execution.threat import Threat, ThreatSettings, Watcher
@@ -44,53 +44,8 @@ from sim.story.settings import PARTNER, GraspingSettings
 from sim.story.tell import said_before
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "examples"
-PERIOD = 0.01  # [s] of a frame
 HOLDS = dict(status="holding", path=np.zeros((0, 0)), retreat=None, reason="")
 FAR = pose_of((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
-@pytest.fixture(scope="module")
-def maps(meet_maps):
-    cell_map = odm.load_map(meet_maps[0])
-    index = NodeIndex(cell_map.robot, cell_map.roadmap.nodes)
-    return cell_map, handover.load_reach_map(meet_maps[1]), index
-
-
-def story_of(
-    maps,
-    direction="give",
-    pads=("flange",),
-    node=None,
-    before=0.1,
-    period=PERIOD,
-    kg=0.25,
-    T_world_base=None,
-    **settings,
-):
-    """Return a story, its person and what it is about, before the first frame."""
-    cell_map, reach, index = maps
-    planner = odm.ReactivePlanner(
-        cell_map, settings=odm.PlannerSettings(finger_pads=pads)
-    )
-    human = handover.Human().placed(0.9, 0.0, np.pi)
-    human = human.moved(
-        pose_of((0.0, 0.0, -0.75), (0.0, 0.0, 0.0)) @ human.T_world_pelvis
-    )
-    obj = handover.wrench()
-    obj = obj.held_by(pose_of((0.0, 0.0, 0.05), (0.0, 0.0, 0.0)) @ obj.T_tool_object)
-    obj = replace(obj, mass_kg=kg)
-    grid = handover.MeetSettings(cell=0.2, rotations=72, T_world_base=T_world_base)
-    meet = handover.InteractionWorkspace(reach, human, obj, 4, grid)
-    targets = handover.LiveTargets(planner, meet, None, index)
-    tools = index.T_base_tool[:, :3, 3]
-    q = np.array(index.nodes[np.abs(tools - [0.2, 0.0, 0.6]).sum(axis=1).argmin()])
-    if node is not None:  # right before the place that its tool has there
-        q = np.array(index.nodes[node])
-        if before:
-            q = straight_back(planner, index.T_base_tool[node], q, before)
-    executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, period)
-    settings = sim.StorySettings(direction=direction, **settings)
-    return sim.Handover(planner, targets, executor, settings), human
 
 
 def tell(story, seconds, look, until=None):
@@ -109,10 +64,6 @@ def tell(story, seconds, look, until=None):
         if story.ended or story.state == until:
             break
     return [event.state for event in story.events]
-
-
-def pulled(force):
-    return np.array([force, 0.0, -2.5, 0.0, 0.0, 0.0])
 
 
 def test_a_robot_of_your_own_hands_over(maps, capsys):
@@ -456,23 +407,6 @@ def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
     assert story.events[1].time_s > since[0] + 1.2  # not while it hangs there
     assert 0.10 < min(gaps["present"]) < max(gaps["present"][2:]) < story.settings.near
     assert gaps["wait"][0] < max(gaps["present"][2:]) - 0.9 * story.settings.comes
-
-
-def at_a_place(maps, direction, state):
-    """Return a story that fetches from a place or puts down there, and its person."""
-    story, human = story_of(maps, direction)
-    index = story.targets.finder.index
-    near = np.abs(index.T_base_tool[:, :3, 3] - [0.3, 0.2, 0.5]).sum(axis=1).argmin()
-    story.placing.T_places = (index.T_base_tool[near] @ story.hand.T_tool_object)[None]
-    if state == FETCH:
-        story.hand.holding, story.hand.fingers = False, "open"
-        story.planner.detach()
-    else:
-        story.hand.holding, story.hand.fingers = True, "closed"
-        story.planner.attach(story.hand.carried, story.hand.T_tool_object)
-    story.machine = Machine(TABLES[direction], state)
-    story._enter()
-    return story, human
 
 
 @pytest.mark.parametrize("direction", ["give", "receive"])
