@@ -78,14 +78,31 @@ def new(kind: type, sizes: dict[str, int], **given: object) -> Any:  # noqa: ANN
     return kind(**given)
 
 
-def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
+@lru_cache(maxsize=256)
+def named_in(kind: type) -> frozenset[str]:
+    """Return the names that the axes of a group's class are made of."""
+    axes = (axis for field in declared(kind).values() for axis in field.axes)
+    return frozenset(name for axis in axes for _, name in _terms(axis) if name)
+
+
+def check(
+    groups: dict[str, tuple[type, tuple]], block: np.dtype, kept: dict[str, int]
+) -> dict[str, int]:
     """Refuse groups that compiled loops would read as something else than they are.
 
-    `groups` maps a name to the class that is declared and the group; `block` is the
-    type of ids of blocks. BadInput for another class, type, rank or length than
-    declared, and for arrays that are not contiguous.
+    Args:
+        groups: The class that is declared and the group, by name.
+        block: The type of ids of blocks.
+        kept: Lengths of axes that other groups have, by name.
+
+    Returns:
+        The lengths of all axes, by name.
+
+    Raises:
+        BadInput: Another class, type, rank or length than declared, or an array that is
+            not contiguous.
     """
-    sizes: dict[str, int] = {}
+    sizes = dict(kept)
     for name, (kind, group) in groups.items():
         if type(group) is not kind:
             raise BadInput(
@@ -105,6 +122,7 @@ def check(groups: dict[str, tuple[type, tuple]], block: np.dtype) -> None:
                     f"{name}.{key} has shape {value.shape}, but {shape} is "
                     f"declared ({', '.join(field.axes)})"
                 )
+    return sizes
 
 
 def _check_type(name: str, field: Declared, value: object, block: np.dtype) -> None:

@@ -11,6 +11,7 @@ uint32 (grids of more than 65535 blocks).
 """
 
 import time
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -537,32 +538,17 @@ KINDS: dict[str, type] = Groups.__annotations__
 SHOWN = ("seen", "lent")
 
 
+@lru_cache
 def words_of(kind: type) -> int:
     """Return how many words of the table a group takes."""
     return sum(5 + 2 * len(f.axes) if f.axes else 1 for f in declared(kind).values())
 
 
+@lru_cache
 def first_word(name: str) -> int:
     """Return the word of the table at which a group begins."""
     before = list(KINDS)[: list(KINDS).index(name)]
     return sum(words_of(KINDS[other]) for other in before)
-
-
-def table_of(groups: dict[str, tuple], block: np.dtype) -> np.ndarray:
-    """Return the table of all groups, which must have been checked.
-
-    Its words are what numba knows of each array, in numba's order, so that a group lies
-    there as compiled loops hand it on; or the bits of a single float.
-    """
-    words: list[int] = []
-    for value in (value for name in KINDS for value in groups[name]):
-        if isinstance(value, float):
-            words.append(int(np.float64(value).view(np.int64)))
-            continue
-        at = value.__array_interface__["data"][0]  # fast
-        words += (0, 0, value.size, value.itemsize, at, *value.shape, *value.strides)
-    table = np.array(words, np.int64)
-    return table.view(np.uint64) if block == np.uint32 else table
 
 
 @intrinsic

@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from odm._groups import block_type, check, declared, new
+from odm._groups import block_type, check, declared, named_in, new
 from odm.cell_map.cell_map import CellLists, CellMap
 from odm.checks import MAX_GOALS
 from odm.close_test._arm import Arm, make_work
@@ -25,7 +25,6 @@ from odm.search._state import (
     Stats,
     Terms,
     first_word,
-    table_of,
     words_of,
 )
 from roadmap.errors import BadInput
@@ -68,11 +67,13 @@ class Memory(Groups):
         table: What the compiled frame takes.
         owner: The thread that may use it.
         counted: (12,) the numbers of `stats`, as one; quicker to copy than an array.
+        sizes: How long each axis is, by its name.
     """
 
     table: np.ndarray
     owner: Owner
     counted: memoryview
+    sizes: dict[str, int]
 
     def __init__(self, groups: dict[str, tuple]) -> None:
         """Keep the groups and write the table; it belongs to this thread."""
@@ -105,19 +106,44 @@ class Memory(Groups):
 def exchange(memory: Memory, groups: dict[str, tuple]) -> None:
     """Let a planner's table point at other groups, by name; the others stay.
 
-    For a payload and for larger clouds; it costs a walk over all arrays.
+    For a payload and for larger clouds. No axis of the groups that stay may change.
     """
-    named = {n: groups[n] if n in groups else getattr(memory, n) for n in KINDS}
-    block = named["pool"].block.dtype
-    check({name: (KINDS[name], group) for name, group in named.items()}, block)
-    table = table_of(named, block)
-    if "table" in vars(memory):  # arrays that are not the memory's own stay
-        for name in SHOWN:
-            first = first_word(name)
-            words = slice(first, first + words_of(KINDS[name]))
-            table[words] = memory.table[words]
-    for name, value in {**groups, "table": table}.items():
+    stay = [name for name in KINDS if name not in groups]
+    axes = set().union(*(named_in(KINDS[name]) for name in stay))
+    begun = bool(stay)
+    known = memory.sizes if begun else {}
+    kept = {axis: n for axis, n in known.items() if axis in axes}
+    block = (groups if "pool" in groups else vars(memory))["pool"].block.dtype
+    sizes = check({name: (KINDS[name], groups[name]) for name in groups}, block, kept)
+    table = memory.table.copy() if begun else _new_table(block)
+    for name, group in groups.items():
+        if not (begun and name in SHOWN):  # arrays that are not the memory's own stay
+            _write(table, name, group)
+    for name, value in {**groups, "table": table, "sizes": sizes}.items():
         object.__setattr__(memory, name, value)
+
+
+def _write(table: np.ndarray, name: str, group: tuple) -> None:
+    """Write where a group's arrays are into the table; it must have been checked.
+
+    The words are what numba knows of each array, in numba's order, so that a group lies
+    there as compiled loops hand it on; or the bits of a single float.
+    """
+    words: list[int] = []
+    for value in group:
+        if isinstance(value, float):
+            words.append(int(np.float64(value).view(np.int64)))
+            continue
+        at = value.__array_interface__["data"][0]  # fast
+        words += (0, 0, value.size, value.itemsize, at, *value.shape, *value.strides)
+    first = first_word(name)
+    table.view(np.int64)[first : first + len(words)] = words
+
+
+def _new_table(block: np.dtype) -> np.ndarray:
+    """Return a table in which no group was written yet."""
+    whole = sum(words_of(kind) for kind in KINDS.values())
+    return np.zeros(whole, np.uint64 if block == np.uint32 else np.int64)
 
 
 def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:

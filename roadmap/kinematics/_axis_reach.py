@@ -10,6 +10,9 @@ from roadmap.compiling.jit_options import FULL, INNER
 from roadmap.kinematics._forward import place_of, turned
 
 CORNERS = 64  # of the polygon around a circle
+_ANGLES = [2.0 * math.pi * k / CORNERS for k in range(CORNERS)]
+_COS = np.array([math.cos(angle) for angle in _ANGLES])
+_SIN = np.array([math.sin(angle) for angle in _ANGLES])
 
 
 class Joints(NamedTuple):
@@ -53,8 +56,7 @@ def profile_support(circles, n_circles, axis, directions, height):
         ux, uy, uz = ux / norm, uy / norm, uz / norm
         vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
         for k in range(CORNERS if r > 0.0 else 1):
-            phi = 2.0 * math.pi * k / CORNERS
-            c, s = r * math.cos(phi), r * math.sin(phi)
+            c, s = r * _COS[k], r * _SIN[k]
             x = cx + c * ux + s * vx
             y = cy + c * uy + s * vy
             z = cz + c * uz + s * vz

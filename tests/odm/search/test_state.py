@@ -97,6 +97,18 @@ def test_an_array_of_another_kind_is_refused(memory, field, change, text):
     assert memory.goals is goals
 
 
+def test_an_axis_is_as_long_in_the_groups_that_stay(memory):
+    """Of the arm, its scratch and the robot's state: the hand holds something else."""
+    table, known = memory.table, dict(memory.sizes)
+    radii = np.zeros(known["spheres"] + 3)
+    wrong = memory.robot_state._replace(radii=radii, bare=radii.copy())
+    with pytest.raises(BadInput, match=r"robot_state\.\w+ has shape .* is declared"):
+        exchange(memory, {"robot_state": wrong})
+    assert memory.table is table and memory.sizes == known
+    exchange(memory, {"cloud": memory.cloud})
+    assert memory.sizes == known and np.array_equal(memory.table, table)
+
+
 def test_another_order_is_refused(memory):
     with pytest.raises(
         BadInput, match="start_connections is a Path, but the table holds a Starts"
