@@ -11,8 +11,10 @@ from odm.execution.executor import Executor
 from roadmap.transforms import pose_of
 from sim.story.grasping import straight_back
 from sim.story.machine import FETCH, TABLES, Machine
+from sim.story.settings import ConductSettings
 
 PERIOD = 0.01  # [s] of a frame
+BELIEVED = ConductSettings(missing_s=0.0)  # arms of a test may be elsewhere at once
 
 
 def story_of(
@@ -24,6 +26,7 @@ def story_of(
     period=PERIOD,
     kg=0.25,
     T_world_base=None,
+    conduct=ConductSettings(),
     **settings,
 ):
     """Return a story, its person and what it is about, before the first frame."""
@@ -49,7 +52,8 @@ def story_of(
             q = straight_back(planner, index.T_base_tool[node], q, before)
     executor = Executor(cell_map.robot, sim.PhasePlanner(planner), q, period)
     settings = sim.StorySettings(direction=direction, **settings)
-    return sim.Handover(planner, targets, executor, settings), human
+    story = sim.Handover(planner, targets, executor, settings, conduct=conduct)
+    return story, human
 
 
 def pulled(force):

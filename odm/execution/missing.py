@@ -2,10 +2,12 @@
 
 Nobody is gone because a tracker lost them: most often the robot itself is in between.
 A part that is missing is kept where it was seen last, and may have come as far as it
-can by now: what `threat` says of radii that grow. Which parts are missing is found by
-their names and places: each that is seen is taken for the nearest of its name that was
-there, the others for the nearest of another name. As many as are fewer than before are
-missing then.
+can by now: what `threat` says of radii that grow.
+
+Which parts are missing follows from names and places. A part that is seen can be one
+that was there if that can have come so far since; the nearest of its name is taken, or
+else the nearest of any name, since trackers exchange names. Parts that were there and
+are none of those that are seen now are missing: they were lost, or have jumped.
 """
 
 import math
@@ -27,12 +29,14 @@ class AllParts(NamedTuple):
         may_be: (n, 7) the same, those that are missing as wide as they may have come
             by now: for `Watcher.look` [m].
         missing: (n,) which are not seen; None: all are.
+        seen_s: (n,) when each was seen last [s].
     """
 
     capsules: np.ndarray
     names: np.ndarray
     may_be: np.ndarray
     missing: np.ndarray | None
+    seen_s: np.ndarray
 
 
 class MissingParts:
@@ -41,27 +45,37 @@ class MissingParts:
     Args:
         kept_s: How long after it was seen last a part is kept [s]; 0: not at all.
         speed: How fast each may move meanwhile [m/s].
+        jump: Farther than that speed and this [m] lead, a part has jumped. More: a
+            noisy tracker loses fewer, and a fault that is as small is not noticed.
+        most: So many may be missing at once: a tracker whose parts jump in every frame
+            is none.
 
     Raises:
-        BadInput: A time or a speed that is negative or not finite.
+        BadInput: A time, a speed or a distance that is negative or not finite.
     """
 
-    def __init__(self, kept_s: float = 2.0, speed: float = 2.0) -> None:
-        if not (0.0 <= kept_s < math.inf and 0.0 <= speed < math.inf):
+    def __init__(
+        self,
+        kept_s: float = 2.0,
+        speed: float = 2.0,
+        jump: float = 0.1,
+        most: int = 200,
+    ) -> None:
+        if not all(0.0 <= value < math.inf for value in (kept_s, speed, jump)):
             raise BadInput(
-                f"kept_s is {kept_s} and speed {speed}; give seconds and m/s, each 0 "
-                "or more"
+                f"kept_s is {kept_s}, speed {speed} and jump {jump}; give seconds, m/s "
+                "and metres, each 0 or more"
             )
-        self.kept_s, self.speed = kept_s, speed
-        self._capsules = np.zeros((0, 7))
-        self._names = np.zeros(0, np.int64)
-        self._seen_s = np.zeros(0)  # when each was seen last [s]
+        self.kept_s, self.speed, self.jump, self.most = kept_s, speed, jump, most
+        nobody, none = np.zeros((0, 7)), np.zeros(0)
+        self._parts = AllParts(nobody, none, nobody, None, none)
 
     def complete(self, capsules: np.ndarray, names: np.ndarray, now: float) -> AllParts:
         """Return all parts: those that are seen, and those that are missing.
 
         Parts that were there in the frame before keep their order. A frame that is not
-        finite is told as it is, and not remembered: a planner holds at it.
+        finite is told as it is, and not remembered: a planner holds at it. So it does
+        where more than `most` are missing, of which NaN is told.
 
         Args:
             capsules: (k, 7) the parts that are seen: two ends and a radius [m].
@@ -71,53 +85,76 @@ class MissingParts:
         Raises:
             BadInput: Not (k, 7) capsules, or not as many names.
         """
+        parts = self.find(capsules, names, now)
+        self.keep(parts)
+        return parts
+
+    def find(self, capsules: np.ndarray, names: np.ndarray, now: float) -> AllParts:
+        """Return what `complete` does, and remember nothing yet: see `keep`."""
         if capsules.ndim != 2 or capsules.shape[1] != 7 or len(names) != len(capsules):
             raise BadInput(
                 f"there are capsules of shape {capsules.shape} and {len(names)} names; "
                 "give (k, 7) and a name for each, (0, 7) and none for nobody"
             )
+        seen_s = np.full(len(names), now)
+        as_seen = AllParts(capsules, names, capsules, None, seen_s)
+        last, ends = self._parts, capsules[:, :6]
         if not (math.isfinite(now) and np.isfinite(capsules).all()):
-            return AllParts(capsules, names, capsules, None)
-        if np.array_equal(names, self._names):  # all that were there, in their order
-            self._keep(capsules, self._names, now)
-            return AllParts(capsules, names, capsules, None)
-        before = np.minimum(self._seen_s, now)
+            return as_seen
+        before = np.minimum(last.seen_s, now)
+        far = self.speed * (now - before) + self.jump  # that each can have come
+        if last.missing is None and np.array_equal(names, last.names):
+            moved = _middles(ends - last.capsules[:, :6])
+            if (np.einsum("ij,ij->i", moved, moved) <= far * far).all():
+                return as_seen  # all that were there, in their order
         fresh = now - before < self.kept_s
-        rows, known, since = self._capsules[fresh], self._names[fresh], before[fresh]
-        of, new = _matched(rows, known, capsules, names)
-        lost = np.flatnonzero(of < 0)[: max(0, len(rows) - len(names))]
+        rows, known, since = last.capsules[fresh], last.names[fresh], before[fresh]
+        of, new = _matched(rows, known, far[fresh], capsules, names)
+        lost = np.flatnonzero(of < 0)
         of[lost] = len(names) + np.arange(len(lost))  # behind those that are seen
-        order = np.concatenate((of[of >= 0], new))
-        seen_s = np.concatenate((np.full(len(names), now), since[lost]))[order]
+        order = np.concatenate((of, new))
+        seen_s = np.concatenate((seen_s, since[lost]))[order]
         everything = np.concatenate((capsules, rows[lost]))[order]
         names = np.concatenate((names, known[lost]))[order]
-        self._keep(everything, names, seen_s)
         if not len(lost):
-            return AllParts(everything, names, everything, None)
+            return AllParts(everything, names, everything, None, seen_s)
+        if len(lost) > self.most:
+            everything[:] = np.nan
         may_be = np.array(everything)
         may_be[:, 6] += self.speed * (now - seen_s)
-        return AllParts(everything, names, may_be, order >= len(capsules))
+        return AllParts(everything, names, may_be, order >= len(capsules), seen_s)
 
-    def _keep(
-        self, capsules: np.ndarray, names: np.ndarray, since: np.ndarray | float
-    ) -> None:
-        self._capsules, self._names = np.array(capsules), np.array(names)
-        self._seen_s = np.full(len(names), since)
+    def keep(self, parts: AllParts) -> None:
+        """Remember what `find` told of a frame."""
+        told = np.isfinite(parts.capsules).all() and np.isfinite(parts.seen_s).all()
+        if told:  # copies: a loop may write its arrays anew
+            capsules, names = np.array(parts.capsules), np.array(parts.names)
+            self._parts = parts._replace(capsules=capsules, names=names)
 
 
 def _matched(
-    before: np.ndarray, known: np.ndarray, now: np.ndarray, names: np.ndarray
+    before: np.ndarray,
+    known: np.ndarray,
+    far: np.ndarray,
+    now: np.ndarray,
+    names: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which part of now each of before is, -1: none, and which are new."""
+    """Return which part of now each of before is, -1: none, and which are new.
+
+    None is farther than `far` (n,) [m] from where it was.
+    """
     of = np.full(len(before), -1)
     gap = np.linalg.norm(_middles(before)[:, None] - _middles(now)[None], axis=2)
+    gap[gap > far[:, None]] = np.inf
     gap += np.where(known[:, None] == names[None], 0.0, _OTHER_NAME)
-    for _ in range(min(gap.shape)):
+    while gap.size:
         i, j = np.unravel_index(gap.argmin(), gap.shape)
+        if not gap[i, j] < np.inf:
+            break
         of[i], gap[i], gap[:, j] = j, np.inf, np.inf
     return of, np.setdiff1d(np.arange(len(now)), of)
 
 
 def _middles(rods: np.ndarray) -> np.ndarray:
-    """Return the middles (k, 3) of capsules (k, 7) [m]."""
+    """Return the middles (k, 3) of capsules (k, 7), or of how far their ends move."""
     return 0.5 * (rods[:, :3] + rods[:, 3:6])

@@ -25,6 +25,7 @@ from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
 _LOST = 2.5  # times as long as a tracker takes for a frame, somebody may not be seen
+_JUMP = 0.1  # [m] a part that comes farther at once than it can has jumped, noise apart
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 OTHER_SIDE = {"left": "right", "right": "left"}
 _NOWHERE = 1e6  # [m] what is that far away, or not finite, is not seen
@@ -53,8 +54,9 @@ class StoryFrame:
             when last measured.
         capsules: (k, 7) the person as the planner sees them, base frame [m]; none of
             them: nobody is there; None: those of `human`. Parts that were there and are
-            not now count as missing, and stay for `ConductSettings.missing_s`; a
-            tracker that knows that it has lost somebody tells NaN.
+            not now, or have jumped, count as missing, and stay where they were for
+            `ConductSettings.missing_s`; a tracker that knows that it has lost somebody
+            tells NaN.
         labels: (k,) `handover.Part` of each; None: `human.labels`.
         stamp: When person and object were seen [s], of the clock of `now`; None: now.
             A loop that is quicker than its tracker tells what was seen last again, with
@@ -221,8 +223,9 @@ class Sight:
         follow = FollowSettings()
         longest = max(follow.drift_s, _LOST * hand.settings.seen_every_s)
         self._watcher = Watcher(hand.settings.threat, replace(follow, drift_s=longest))
-        fastest = hand.settings.threat.speed
-        self._missing = MissingParts(conduct.missing_s, fastest)
+        seen = hand.settings.threat
+        jump = _JUMP + 2.0 * seen.noise
+        self._missing = MissingParts(conduct.missing_s, seen.speed, jump)
         self._sound: Seen | None = None  # the last in which all was seen
         # over which time noise makes a still object no faster than half of that
         calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
@@ -241,16 +244,19 @@ class Sight:
     def look(self, frame: StoryFrame, dt: float) -> Seen:
         """Work out a frame, `dt` [s] after the one before."""
         rows, labels = frame.person(self.T_base_world)
-        sound = are_sound(rows)
-        lacks = self._lacks_object(frame) or self._lacks_part(frame, len(labels))
-        if not sound or lacks or self._was_told(frame):
+        sound, at = are_sound(rows), frame.seen_at
+        parts = self._missing.find(rows, labels, at) if sound else None
+        lacks = parts is not None and parts.missing is not None
+        lacks = lacks or not sound or self._lacks_object(frame)
+        if lacks or self._was_told(frame):
             lately = self._as_lately(frame, dt)
             if lately is not None:
                 return lately
         may_be, missing = rows, None
-        if sound:
-            parts = self._missing.complete(rows, labels, frame.seen_at)
-            rows, labels, may_be, missing = parts
+        if parts is not None:
+            self._missing.keep(parts)
+            rows, labels, may_be, missing, _ = parts
+            sound = are_sound(rows)
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not
@@ -294,12 +300,6 @@ class Sight:
         last, held = self._sound, self.hand.holding or frame.holds
         there = last is not None and last.loose and not held
         return there and frame.T_base_object is None
-
-    def _lacks_part(self, frame: StoryFrame, people: int) -> bool:
-        """Whether a frame shows fewer parts of the person than it lately was."""
-        last = self._sound
-        fewer = last is not None and people < last.people
-        return fewer and frame.seen_at - last.stamp < self.conduct.missing_s
 
     def _as_lately(self, frame: StoryFrame, dt: float) -> Seen | None:
         """Return a frame with the shapes of the last sound one; None: that is too old.

@@ -16,7 +16,8 @@ def rods(*x):
 
 def complete(parts, x, names, now):
     """Return all capsules, their names, and how much wider each may be [m]."""
-    rows, names, may_be, missing = parts.complete(rods(*x), np.array(names, int), now)
+    told = parts.complete(rods(*x), np.array(names, int), now)
+    rows, names, may_be, missing, _ = told
     wider = may_be - rows
     assert not wider[:, :6].any()
     assert (wider[:, 6] > 0.0).tolist() == (
@@ -29,7 +30,7 @@ def test_all_that_are_seen_are_told_as_they_are():
     parts = MissingParts(1.0, 2.0)
     for now in (0.0, 0.01, 0.5, 9.0):
         given = rods(now, 1.0), np.array([HAND, FOREARM])
-        rows, names, may_be, missing = parts.complete(*given, now)
+        rows, names, may_be, missing, _ = parts.complete(*given, now)
         assert np.array_equal(rows, given[0]) and np.array_equal(names, given[1])
         assert missing is None and may_be is rows
 
@@ -118,7 +119,7 @@ def test_none_is_kept_for_no_time_and_a_clock_set_back_makes_none_older():
 def test_a_clock_that_was_set_back_while_a_part_is_missing_begins_its_time_anew():
     parts = MissingParts(1.0, 2.0)
     complete(parts, (0.0,), (HAND,), 10.0)
-    rows, _, may_be, missing = parts.complete(rods(), np.zeros(0, int), 3.0)
+    rows, _, may_be, missing, _ = parts.complete(rods(), np.zeros(0, int), 3.0)
     assert len(rows) == 1 and missing.all() and np.array_equal(may_be, rows)
     assert len(complete(parts, (), (), 3.9)[0]) == 1
     assert len(complete(parts, (), (), 4.1)[0]) == 0
@@ -142,6 +143,51 @@ def test_what_is_no_list_of_parts_is_refused():
         parts.complete(np.zeros((2, 6)), np.zeros(2), 0.0)
     with pytest.raises(BadInput, match=r"and 1 names; give \(k, 7\)"):
         parts.complete(np.zeros((2, 7)), np.zeros(1), 0.0)
-    for times in ((-1.0, 2.0), (1.0, np.nan), (np.inf, 2.0)):
-        with pytest.raises(BadInput, match=r"kept_s is .*; give seconds and m/s"):
-            MissingParts(*times)
+    for wrong in ((-1.0, 2.0), (1.0, np.nan), (np.inf, 2.0), (1.0, 2.0, -0.1)):
+        with pytest.raises(BadInput, match=r"kept_s is .*; give seconds, m/s and met"):
+            MissingParts(*wrong)
+
+
+def test_a_part_that_jumps_may_be_where_it_was_too():
+    parts = MissingParts(1.0, 2.0, jump=0.1)
+    complete(parts, (0.0, 1.0), (HAND, TRUNK), 0.0)
+    assert complete(parts, (0.115, 1.0), (HAND, TRUNK), 0.01)[2] is None  # 2 cm, 10 cm
+    rows, names, wider = complete(parts, (0.6, 1.0), (HAND, TRUNK), 0.02)
+    assert np.array_equal(rows, rods(0.115, 1.0, 0.6))
+    assert names.tolist() == [HAND, TRUNK, HAND] and np.allclose(wider, [0.02, 0, 0])
+    # it goes on there, and comes back: where it was in between is kept, too
+    rows, _, wider = complete(parts, (0.61, 1.0), (HAND, TRUNK), 0.03)
+    assert np.array_equal(rows, rods(0.115, 1.0, 0.61))
+    rows, _, wider = complete(parts, (0.12, 1.0), (HAND, TRUNK), 0.04)
+    assert np.array_equal(rows, rods(0.12, 1.0, 0.61))
+    assert np.allclose(wider, [0.0, 0.0, 0.02])
+    assert complete(parts, (0.12, 1.0), (HAND, TRUNK), 1.04)[2] is None
+
+
+def test_hands_that_exchange_their_names_have_not_jumped():
+    parts = MissingParts(1.0, 2.0)
+    complete(parts, (0.0, 1.0), (HAND, FOREARM), 0.0)
+    rows, names, grown = complete(parts, (1.01, 0.01), (HAND, FOREARM), 0.01)
+    assert grown is None and np.array_equal(rows, rods(0.01, 1.01))
+    assert names.tolist() == [FOREARM, HAND]
+
+
+def test_parts_that_jump_all_the_time_are_nowhere():
+    parts = MissingParts(1.0, 2.0, most=5)
+    for k in range(5):
+        assert np.isfinite(complete(parts, (k, 9.0), (HAND, TRUNK), 0.01 * k)[0]).all()
+        assert len(complete(parts, (k, 9.0), (HAND, TRUNK), 0.01 * k)[0]) == 2 + k
+    rows = np.array(rods(5.0, 9.0))
+    complete(parts, (5.0, 9.0), (HAND, TRUNK), 0.05)
+    told = parts.complete(rods(6.0, 9.0), np.array([HAND, TRUNK]), 0.06)
+    assert np.isnan(told.capsules).all() and len(told.capsules) > len(rows)
+
+
+def test_what_is_found_is_remembered_once_it_is_kept():
+    parts = MissingParts(1.0, 2.0)
+    complete(parts, (0.0,), (HAND,), 0.0)
+    found = parts.find(rods(3.0), np.array([HAND]), 0.01)
+    assert found.missing.tolist() == [True, False]
+    assert parts.find(rods(0.0), np.array([HAND]), 0.02).missing is None
+    parts.keep(found)
+    assert parts.find(rods(3.0), np.array([HAND]), 0.02).missing.tolist() == [1, 0]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from forms import some
-from own_story import PERIOD, at_a_place, pulled, story_of
+from own_story import BELIEVED, PERIOD, at_a_place, pulled, story_of
 
 import handover
 import odm
@@ -131,7 +131,7 @@ def test_fingers_that_seem_empty_beside_somebody_open(maps):
 def test_the_hand_that_is_held_out_instead_is_the_one_that_takes(
     maps, lifted, side, armless
 ):
-    story, human = story_of(maps)
+    story, human = story_of(maps, conduct=BELIEVED)
     reaching = human
     for one, angle in lifted.items():
         elbow = max(angle, 0)
@@ -384,7 +384,7 @@ def test_a_blocked_place_is_gone_to_by_another_grasp_or_arm(maps, monkeypatch):
 
 
 def test_a_hand_that_hangs_beside_the_object_is_told_to_come_once_it_does(maps):
-    story, human = story_of(maps, comes=0.05)
+    story, human = story_of(maps, comes=0.05, conduct=BELIEVED)
     labels, rows = human.labels, human.capsules()
     hand, since, gaps = labels == Part.RIGHT_HAND, [], {}
 
