@@ -121,7 +121,7 @@ class Executor:
         self._kept_at = 0  # frame in which that was looked at
         self._hindered = -math.inf  # frame in which it last slowed down for somebody
         self._frame, self._held_s = 0, 0.0  # the planner has held for so long
-        self._retreat_frame = -pace.retreat_every  # when a retreat was looked for last
+        self._retreat_frame = self._told_frame = -pace.retreat_every  # looked for then
         self._updated = False  # whether a frame was answered since the last period
         self._evading = False  # it retreats from somebody, whatever the planner says
         # an evasion that was refused, speeds that were not tried yet, and what stood
@@ -505,10 +505,16 @@ class Executor:
             if may_move and due:
                 self._retreat_frame = self._frame
                 self._retreat(answer.retreat, threat)
-            if not may_move and answer.retreat is not None:
+            if not may_move and self._gets_away(answer):
                 self.reason = _TOO_NEAR
         elif self.state != STANDING:
             self._stop_and_stand()
+
+    def _gets_away(self, answer: Any) -> bool:  # noqa: ANN401
+        """Whether there is a retreat, or lately was: to look for one takes a while."""
+        if self._frame - self._told_frame >= self.pace.retreat_every:
+            self._told_frame, self._leaves = self._frame, answer.retreat is not None
+        return self._leaves
 
     def _stop_and_stand(self) -> None:
         """Take the stop that was tested where there is one, and stand."""

@@ -164,3 +164,24 @@ def test_who_touches_its_links_is_not_left_and_is_told_why(small_map, rng):
     gaps, speeds, executor, q = played_beside(small_map, rng, (-0.02, -0.004))
     assert (speeds == 0.0).all() and np.allclose(executor.set_point.q, q, atol=1e-12)
     assert "stands until they are farther" in executor.reason
+
+
+def test_beside_somebody_too_near_a_retreat_is_looked_for_now_and_then(scene):
+    """To tell why it stands: the search takes a while, and frames come on."""
+    path, looked = scene.path, []
+
+    class Answer:
+        status, reason = "holding", ""
+
+        @property
+        def retreat(self):
+            looked.append(frame)
+            return path
+
+    scene.executor._separation.stays_above = lambda least, q: False  # it may not move
+    for frame in range(20):
+        scene.executor.update(Answer(), scene.executor.commit(), None)
+        assert "stands until they are farther" in scene.executor.reason
+        scene.executor.advance()
+    every = scene.executor.pace.retreat_every
+    assert looked == list(range(0, 20, every)) and every > 1
