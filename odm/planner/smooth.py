@@ -115,6 +115,7 @@ class Smoother(Remembering):
     def reset(self) -> None:
         """Begin the order of the changes again."""
         self._drawn = 0
+        self._swept = False  # whether the last try looked at cells, which takes long
         self._next = 0  # frame of the next look for a straight motion
         # vertices of the path whose largest cuts are looked at, and how many were
         self._cut_of, self._cuts_seen = b"", 0
@@ -154,8 +155,8 @@ class Smoother(Remembering):
         """Replace by straight motions what that shortens most; see `_cuts`.
 
         A path over a roadmap is mostly shortened by a third at once. Each cut takes a
-        test of the budget, and so do `cut_looks` that the frame does not leave free,
-        which cost far less.
+        test of the budget, and so does one whose cells were looked at in vain, and
+        `cut_looks` that the frame does not leave free, which cost far less.
 
         Returns:
             How many changes were made, and what is left of the budget.
@@ -172,7 +173,8 @@ class Smoother(Remembering):
             for change in self._cuts(self._cuts_seen):
                 self._cuts_seen, looks = self._cuts_seen + 1, looks + 1
                 done = self._try(change, self.settings.min_saving)
-                budget -= done or looks % self.settings.cut_looks == 0
+                dear = self._swept or looks % self.settings.cut_looks == 0
+                budget -= done or dear
                 if done or budget <= 0:
                     break
             else:
@@ -289,6 +291,7 @@ class Smoother(Remembering):
 
         Not one that saves less than this share of the time for the rest of the path.
         """
+        self._swept = False
         begin, dq = change.corners[:-1], np.diff(change.corners, axis=0)
         legs, table = list(zip(begin, dq, strict=True)), self.frame.memory.table
         # the quickest test first: most changes are blocked
@@ -307,6 +310,7 @@ class Smoother(Remembering):
             return 0
         items = [NO_ITEM] * len(begin)
         if self._needs_cells():
+            self._swept = True
             self.attacher.tidy()
             item = self.attacher.sweep(begin, dq)
             if item < 0:

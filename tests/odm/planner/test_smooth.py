@@ -179,3 +179,19 @@ def test_new_legs_wait_for_their_cells_where_nothing_asks_for_them(small_map):
         assert answer.status == "following"
         bare.append((planner.path.items() == NO_ITEM).sum())
     assert bare[0] > max(bare[1:])
+
+
+def test_a_cut_whose_cells_are_looked_at_in_vain_takes_a_test(small_map, monkeypatch):
+    """Cells take as long as all else of a cut: 8 in one test would be a late frame."""
+    planner, arm, _ = beside_an_arm(small_map, shapes=True)
+    arm.capsules[:, [2, 5]] += 0.1
+    planner.step(arm, q=HOME)  # there is a history that legs must keep out of
+    smoother, swept = planner._improver.smoother, []
+    sweep = smoother.attacher.sweep
+    monkeypatch.setattr(
+        smoother.attacher, "sweep", lambda *leg: swept.append(0) or sweep(*leg)
+    )
+    monkeypatch.setattr(smoother, "was_hit", lambda item: True)
+    planner.candidate.begin()
+    made, left = smoother.cut(3)
+    assert (made, left) == (0, 0) and len(swept) == 3
