@@ -17,7 +17,7 @@ _POINT = gather([(np.zeros((1, 3)), 0.0, 0.0, 0.0)], np.zeros(1))
 
 def draw_pose(rng, middle=(0.0, 0.0, 0.5), spread=0.5):
     T = np.eye(4)
-    T[:3, :3] = Rotation.random(random_state=rng.integers(1 << 30)).as_matrix()
+    T[:3, :3] = Rotation.random(random_state=rng).as_matrix()
     T[:3, 3] = np.asarray(middle) + rng.uniform(-spread, spread, 3)
     return T
 
