@@ -12,7 +12,7 @@ from roadmap.kinematics.forward import tool_pose
 
 def draw_base(rng):
     T = np.eye(4)
-    T[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    T[:3, :3] = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
     T[:3, 3] = rng.uniform(-3, 3, 3)
     return T
 
