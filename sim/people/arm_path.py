@@ -206,4 +206,5 @@ def _angles_to(arm: HumanArm, hand: np.ndarray) -> np.ndarray:
     # the forearm seen from the raised, not yet rotated upper arm
     x, z = cf * f[0] + sf * f[2], cf * f[2] - sf * f[0]
     y, z = ca * f[1] + sa * z, ca * z - sa * f[1]
-    return np.arctan2([sf, sa, y, np.hypot(x, y)], [cf, ca, x, -z])
+    turns = (sf, cf), (sa, ca), (y, x), (np.hypot(x, y).item(), -z)
+    return np.array([math.atan2(*turn) for turn in turns])
