@@ -14,6 +14,7 @@ import numpy as np
 
 from roadmap.errors import BadInput
 
+_FLAT = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10, 3, 7, 11])  # of a pose's numbers
 _PAIRS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of the rows of a rotation
 
 
@@ -62,9 +63,7 @@ def rotation_to_z(z: np.ndarray) -> np.ndarray:
 
 def flat_pose(T: np.ndarray) -> np.ndarray:
     """Return poses (..., 4, 4) as (..., 12): rotation by rows, then origin [m]."""
-    rows = np.empty((*T.shape[:-2], 4, 3))
-    rows[..., :3, :], rows[..., 3, :] = T[..., :3, :3], T[..., :3, 3]
-    return rows.reshape(*T.shape[:-2], 12)
+    return T.reshape(*T.shape[:-2], 16).take(_FLAT, axis=-1)
 
 
 def pose_of_flat(row: np.ndarray) -> np.ndarray:

@@ -2,7 +2,10 @@
 
 import gc
 import importlib.util
+import os
+import sys
 from collections.abc import Generator
+from pathlib import Path
 
 from sim.__main__ import COLLECT, compute_alike
 
@@ -15,6 +18,25 @@ from small import small_recipe  # noqa: E402
 import odm  # noqa: E402
 
 gc.set_threshold(*COLLECT)  # as the command does: to rewrite asserts makes many objects
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Import from the other end in every second worker, where all tests are run.
+
+    Asserts that one worker has rewritten the other reads; in a fresh clone each of two
+    that go side by side would rewrite them all.
+    """
+    number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+    folder, config = Path(__file__).parent, session.config
+    if number % 2 == 0 or config.args != config.getini("testpaths"):
+        return
+    for file in sorted(folder.rglob("test_*.py"), reverse=True):
+        try:
+            _ = pytest.Module.from_parent(session, path=file).obj
+        except (Exception, pytest.skip.Exception):  # is told where it is collected
+            inside = file.relative_to(folder.parent).with_suffix("")
+            sys.modules.pop(".".join(inside.parts), None)
 
 
 @pytest.hookimpl(trylast=True)

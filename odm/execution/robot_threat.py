@@ -23,6 +23,7 @@ from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
 from roadmap.ranges import check_number
+from roadmap.transforms import check_pose, moved_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +102,7 @@ def intent_threat(
     """
     settings = IntentSettings()
     limit = np.asarray(spheres.robot.max_acceleration)
+    T = check_pose(T_base_other, "T_base_other")
     rows, spread, fastest = [np.zeros((0, 4))], 0.0, 0.0
     for stretch in intent:
         span = max(stretch.end - stretch.begin, 0.0)
@@ -110,7 +112,8 @@ def intent_threat(
             point = stretch.motion.at(stretch.begin + (2 * k + 1) * half)
             speed = np.abs(point.dq)
             grown = spheres.moved(speed * half + 0.5 * limit * half * half)
-            placed = spheres.at(point.q, T_base_other)
+            placed = spheres.at(point.q)
+            placed[:, :3] = moved_points(placed[:, :3], T)
             placed[:, 3] += grown
             rows.append(placed)
             spread = max(spread, float(grown.max(initial=0.0)))

@@ -72,11 +72,12 @@ def _places(
     robot: Robot, nodes: np.ndarray, is_free: IsFree, s: WorkPlaceSettings
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return where the tool should be, left and right, and what reaches there."""
-    asked, found = [], []
+    asked, found, tools = [], [], _tools(robot, nodes)
     for side in (1.0, -1.0):
-        tool = reach_of(robot, nodes) * np.array([s.forward, side * s.side, s.height])
+        tool = _reach(tools) * np.array([s.forward, side * s.side, s.height])
         asked.append(tool)
-        found.append(_reaching(robot, nodes, tool, is_free))
+        near = nodes[np.argsort(np.linalg.norm(tools - tool, axis=1), kind="stable")]
+        found.append(_reaching(robot, near, tool, is_free))
     return asked, found
 
 
@@ -112,28 +113,28 @@ def _aside(
 
 def reach_of(robot: Robot, nodes: np.ndarray) -> float:
     """Return how far to the side the tool gets, but for rare stretches [m]."""
-    tools = [tool_pose(robot, q)[:2, 3] for q in nodes]
-    return float(np.percentile(np.linalg.norm(tools, axis=1), 90))
+    return _reach(_tools(robot, nodes))
 
 
-def _reaching(robot: Robot, nodes: np.ndarray, tool: np.ndarray, is_free: IsFree):
+def _tools(robot: Robot, nodes: np.ndarray) -> np.ndarray:
+    return np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
+
+
+def _reach(tools: np.ndarray) -> float:
+    return float(np.percentile(np.linalg.norm(tools[:, :2], axis=1), 90))
+
+
+def _reaching(robot: Robot, near: np.ndarray, tool: np.ndarray, is_free: IsFree):
     """Return free configurations with the tool there, or the nearest free nodes."""
     T = pose_of(tool, (np.pi, 0.0, 0.0))
-    tools = np.array([tool_pose(robot, q)[:3, 3] for q in nodes])
-    order = np.argsort(np.linalg.norm(tools - tool, axis=1), kind="stable")
-    near = nodes[order]
-    middle = (robot.lower + robot.upper) / 2
-    seeds = [middle, *near[:12]]
-    solved = [q for seed in seeds for q in _solutions(robot, T, seed)]
+    # from the middle and from random starts, once; then from each node near there
+    solved = [one.q for one in robot.ik(T, (robot.lower + robot.upper) / 2)]
+    solved += [one.q for q in near[:12] for one in robot.ik(T, q, attempts=1)]
     for some in (solved, list(near[:40])):
         free = [q for q in some if is_free(q, q)]
         if free:
             return np.array(free)
     return np.zeros((0, robot.dof))
-
-
-def _solutions(robot: Robot, T: np.ndarray, seed: np.ndarray) -> list[np.ndarray]:
-    return [np.asarray(getattr(found, "q", found)) for found in robot.ik(T, seed)]
 
 
 def _nearest_pair(robot: Robot, left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -14,9 +14,7 @@ from handover.human.anthropometry import (
 )
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.transforms import moved_points, pose_of, rotation_rpy
-
-_DOWN = np.array([0.0, 0.0, -1.0])
+from roadmap.transforms import moved_points, pose_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +77,27 @@ class HumanArm:
         upper arm and elbow flexion [rad]. The second one's round end touches the finger
         tips from inside.
         """
-        flexion, abduction, rotation, elbow = np.asarray(angles, float)
-        R = rotation_rpy(abduction, -flexion, 0.0) @ rotation_rpy(0.0, 0.0, rotation)
+        # plain floats where they are the same: arrays of three take ten times as long
+        angles = np.asarray(angles, float)
+        cf, ca, cr, ce = np.cos(angles).tolist()
+        sf, sa, sr, se = np.sin(angles).tolist()
+        raised = [[cf, -sf * sa, -sf * ca], [0.0, ca, -sa], [sf, cf * sa, cf * ca]]
+        turn = [[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]]
+        R = np.array(raised).dot(np.array(turn))
+        upper, fore = self.lengths.tolist()
+        radii = self.radii.tolist()
+        fore -= radii[1]
+        elbow = [0.0 - upper * z for z in R[:, 2].tolist()]
+        bent = R.dot(np.array([-se, 0.0, ce])).tolist()
+        tips = [p - fore * z for p, z in zip(elbow, bent, strict=True)]
         T = np.asarray(T_base_shoulder, float)
-        upper = self.lengths[0] * (R @ _DOWN)
-        bent = R @ rotation_rpy(0.0, -elbow, 0.0)
-        fore = (self.lengths[1] - self.radii[1]) * (bent @ _DOWN)
-        joints = np.zeros((3, 3))
-        joints[1], joints[2] = upper, upper + fore
-        joints = moved_points(joints, T)
-        found = np.empty((2, 7))
-        found[:, :3], found[:, 3:6], found[:, 6] = joints[:-1], joints[1:], self.radii
-        return found
+        joints = moved_points(np.array([[0.0, 0.0, 0.0], elbow, tips]), T).tolist()
+        return np.array(
+            [
+                [*joints[0], *joints[1], radii[0]],
+                [*joints[1], *joints[2], radii[1]],
+            ]
+        )
 
 
 def facing_robot(p_base_shoulder: np.ndarray) -> np.ndarray:

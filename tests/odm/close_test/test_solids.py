@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from naive_cells import centers
+from numba import njit
 from scipy.spatial.transform import Rotation
 from shapes_drawn import (
     KINDS,
@@ -22,15 +23,29 @@ from odm.close_test._close import FIRST_SOLID
 from odm.close_test.close_test import CloseTest
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._solids import chord_keeps, solid_distance, solid_gap
+from roadmap.compiling.jit_options import LEAN
 from roadmap.kinematics.forward import difference
 
 chord_keeps = with_wrapper(chord_keeps)
 chords_at_solids = with_wrapper(close.chords_at_solids)
 place_clear = with_wrapper(close.place_clear)
-solid_distance = with_wrapper(solid_distance)
 solid_gap = with_wrapper(solid_gap)
 
 NOTHING = np.zeros((0, 3))
+
+
+@njit(**LEAN | {"cache": False})
+def _fill_distances(solids, places, enough, found):
+    for k in range(places.shape[0]):
+        x, y, z = places[k, 0], places[k, 1], places[k, 2]
+        found[k] = solid_distance(solids, 0, x, y, z, enough)
+
+
+def distances(solids, places, enough=np.inf):
+    """Return the signed distances of places (n, 3) from the first solid."""
+    found = np.empty(len(places))
+    _fill_distances(solids, np.ascontiguousarray(places), enough, found)
+    return found
 
 
 def cloud_of(cell_map, points):
@@ -57,10 +72,10 @@ def test_the_distance_is_exact(kind, rng):
         shape = draw_shape(kind, rng)
         solids, places = solids_of([shape]), around(shape, rng)
         slow = exact_distance(shape, places)
-        for place, there in zip(places, slow, strict=True):
-            d = solid_distance(solids, 0, *place, np.inf)
+        fast = distances(solids, places), distances(solids, places, 0.02)
+        for there, d, near in zip(slow, *fast, strict=True):
             assert d == pytest.approx(there, abs=2e-7) if there > 0.0 else d <= 1e-9
-            near = solid_distance(solids, 0, *place, 0.02)  # a bound is enough
+            # a bound is enough
             assert near <= d + 1e-12 and (near == d or near >= 0.02)
             inside, outside = inside + (d < 0.0), outside + (d > 0.0)
     assert inside > 5 and outside > 100
@@ -75,8 +90,7 @@ def test_the_tangent_is_below_the_distance_everywhere(kind, rng):
         for enough in (np.inf, 0.02):
             d, *g = solid_gap(solids, 0, *here, enough)
             assert np.linalg.norm(g) <= 1.0 + 1e-9
-            for place in places:
-                there = solid_distance(solids, 0, *place, np.inf)
+            for place, there in zip(places, distances(solids, places), strict=True):
                 assert there >= d + np.dot(g, place - here) - 1e-9
 
 
@@ -88,7 +102,7 @@ def test_a_chord_keeps_exactly_what_its_places_keep(kind, rng):
         solids = solids_of([shape])
         a, b = around(shape, rng, 2)
         places = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
-        d = np.array([solid_distance(solids, 0, *p, np.inf) for p in places])
+        d = distances(solids, places)
         step = np.linalg.norm(b - a) / 399
         need = rng.choice([0.01, 0.05, 0.2, float(d.min()) + 1e-4])
         said = chord_keeps(solids, 0, tuple(a), tuple(b), need)
@@ -101,7 +115,7 @@ def test_a_chord_keeps_exactly_what_its_places_keep(kind, rng):
         side = shape.T_base_shape[:3, :3][:, rng.integers(3)]
         b = a + 0.3 * side
         places = a + np.linspace(0.0, 1.0, 400)[:, None] * (b - a)
-        d = min(solid_distance(solids, 0, *p, np.inf) for p in places)
+        d = distances(solids, places).min()
         if d > 1e-6:
             assert chord_keeps(solids, 0, tuple(a), tuple(b), d - 0.3 / 399)
             assert not chord_keeps(solids, 0, tuple(a), tuple(b), d + 1e-6)
@@ -112,8 +126,8 @@ def test_a_zero_length_capsule_is_a_sphere(rng):
     at = rng.normal(size=3)
     a = solids_of(odm.Obstacles(capsules=np.array([[*at, *at, 0.07]])))
     b = solids_of(odm.Obstacles(spheres=np.array([[*at, 0.07]])))
-    for p in rng.normal(size=(20, 3)):
-        assert solid_distance(a, 0, *p, np.inf) == solid_distance(b, 0, *p, np.inf)
+    places = rng.normal(size=(20, 3))
+    assert (distances(a, places) == distances(b, places)).all()
 
 
 def of_shapes(cell_map, work=None):
@@ -291,11 +305,11 @@ def test_an_escape_never_brings_a_sphere_nearer_to_a_near_shape(
             continue
         free += 1
         keep = small_map.arm.spheres[:, 3] + small_map.safety.m
-        begin = [solid_distance(solids, 0, *c, np.inf) for c in now]
+        begin = distances(solids, now)
         least = np.minimum(keep, np.array(begin) - close.ESCAPE_SLACK)
         for t in np.linspace(0.0, 1.0, 60):
             there = centers(small_map.arm, small_map.robot, q + t * dq)
-            d = np.array([solid_distance(solids, 0, *c, np.inf) for c in there])
+            d = distances(solids, there)
             assert (d >= least - 1e-9).all()
     assert free > 4
 

@@ -17,10 +17,9 @@ def seen_reach(robot, body, points, n, rng):
         frames = body_frames(robot, q)
         world = np.einsum("nij,nj->ni", frames[body][:, :3, :3], points)
         world += frames[body][:, :3, 3]
-        for k in range(1, len(frames)):
-            axis = frames[k, :3, :3] @ robot.tree_f[k, 12:15]
-            away = np.cross(world - frames[k, :3, 3], axis)
-            seen[:, k] = np.maximum(seen[:, k], np.linalg.norm(away, axis=1))
+        axes = np.einsum("kij,kj->ki", frames[1:, :3, :3], robot.tree_f[1:, 12:15])
+        away = np.cross(world[:, None] - frames[1:, :3, 3], axes)
+        np.maximum(seen[:, 1:], np.linalg.norm(away, axis=2), out=seen[:, 1:])
     return seen
 
 

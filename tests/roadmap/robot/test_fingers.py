@@ -87,13 +87,12 @@ def travelling(robot) -> list[str]:
     return notes[0].split(", ") if notes else []
 
 
-def fingers_at(path, still, names, values, rng):
+def fingers_at(description, still, names, values, rng):
     """Return points of each travelling link at values of the joints, body frame.
 
     They are found by the robot's own tree, with the joints locked there.
     """
-    description, tip = read_description(path), still.tip_name
-    home = locked_of(still)
+    tip, home = still.tip_name, locked_of(still)
     then = build_tree(description, tip, home)
     now = build_tree(
         description, tip, {**home, **dict(zip(names, values, strict=True))}
@@ -139,27 +138,33 @@ def assert_held(path, robot, still, rng, tries=25) -> float:
     description, names = read_description(path), travelling(robot)
     limits = [(description.joints[n].lower, description.joints[n].upper) for n in names]
     low, high = np.array(limits).T
-    moved = 0.0
+    moved, hulls = 0.0, {}
     for k in range(tries):
         u = rng.random(len(names)) if k > 3 else rng.integers(0, 2, len(names))
-        points = fingers_at(path, still, names, low + u * (high - low), rng)
+        values = low + u * (high - low)
+        points = fingers_at(description, still, names, values, rng)
         for name, rows in points.items():
             own = robot.spheres[robot.sphere_link == robot.link_names.index(name)]
             assert out_of_spheres(rows, own).max() <= 1e-9, name
-            assert out_of_hulls(robot, name, rows) <= 1e-9, name
+            if name not in hulls:
+                hulls[name] = hulls_of(robot, name)
+            assert out_of_hulls(hulls[name], rows) <= 1e-9, name
             own = still.spheres[still.sphere_link == still.link_names.index(name)]
             moved = max(moved, out_of_spheres(rows, own).max())
     return moved
 
 
-def out_of_hulls(robot, name, points) -> float:
+def hulls_of(robot, name) -> list[np.ndarray]:
+    """Return the planes of a link's hulls; none where a solid of it stands still."""
     own = [s for s in robot_solids(robot) if robot.link_names[s.link] == name]
     if any(s.kind != HULL for s in own):
-        return 0.0  # a solid that stands still
-    planes = [ConvexHull(s.body_points()).equations for s in own]
-    return np.min(
-        [(points @ e[:, :3].T + e[:, 3]).max(axis=1) for e in planes], 0
-    ).max()
+        return []
+    return [ConvexHull(s.body_points()).equations for s in own]
+
+
+def out_of_hulls(hulls, points) -> float:
+    out = [(e[:, :3] @ points.T + e[:, 3:]).max(axis=0) for e in hulls]
+    return np.min(out, axis=0).max() if out else 0.0
 
 
 def test_a_hand_is_held_wherever_its_fingers_are(hand, rng):
