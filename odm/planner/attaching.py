@@ -220,16 +220,16 @@ class Attacher(Remembering):
         wanted = self._for_goals - k
         tried, ids, begin, dq = self._next(q, goals.vertex[g], wanted, most, False)
         ids, refs = self._with_cells(ids, begin, dq)
-        if not tried:
-            return 0
+        if not k and tried:
+            goals.h[g] = np.inf
+        if not len(ids):
+            return tried
         n = k + len(ids)
         goals.number[g] = n
         goals.node[g, k:n], goals.ref[g, k:n] = ids, refs
         self._lengths(ids, q, goals.length[g, k:n])
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        if not k:
-            goals.h[g] = np.inf
         cost_to_go.lower_costs(
             m.graph, goals.node[g, k:n], goals.length[g, k:n], m.search, goals.h[g],
             *self._edge_lengths,
@@ -369,10 +369,19 @@ class Attacher(Remembering):
             free, looked = self._free_first(vertex, m.goals.q[g], looks)
             looks -= looked
             if free:
+                had = m.goals.number.item(g)
                 left -= self._more_of_goal(g, min(free, left))
-                self.kept.keep(m.goals, g)
-                self._set_cost_to_any(n)
+                if m.goals.number.item(g) > had:
+                    self.kept.keep(m.goals, g)
+                    self._set_cost_to_any(n)
         return most - left
+
+    @property
+    def n_motions(self) -> int:
+        """How many motions join the start, and the goals that are set, to nodes."""
+        m = self.frame.memory
+        of_goals = m.goals.number[: m.goals.count.item(0)]
+        return m.start_connections.count.item(0) + sum(of_goals.tolist())
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
         """Let the waiting nodes of a vertex begin with those reachable in this frame.
@@ -406,8 +415,11 @@ class Attacher(Remembering):
     def _set_cost_to_any(self, n: int) -> None:
         """Let h_any be the least cost to go to one of the first `n` goals."""
         goals, least = self.frame.memory.goals, self.frame.memory.robot_state.h_any
-        least[:] = np.inf
-        for h, cost in zip(goals.h[:n], goals.cost[:n], strict=True):
+        if not n:
+            least.fill(np.inf)
+            return
+        np.add(goals.h[0], goals.cost[0], out=least)
+        for h, cost in zip(goals.h[1:n], goals.cost[1:n], strict=True):
             np.minimum(least, h + cost if cost else h, out=least)
 
     # --- starts ----------------------------------------------------------------

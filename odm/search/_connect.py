@@ -19,6 +19,7 @@ from numba import njit
 from odm.close_test._close import displacement
 from odm.close_test._static import Still, motion_free
 from odm.search._judge import close_free, part_free, ref_free, stands_free
+from odm.search._paths import apart2
 from odm.search._state import view
 from roadmap.compiling._rows import copy_row
 from roadmap.compiling.jit_options import INNER, LEAN
@@ -80,19 +81,6 @@ def draw(trees, robot, side):
                 trees.sample[j] = min(high, max(low, trees.sample[j]))
         else:
             trees.sample[j] = low + u * (high - low)
-
-
-@njit(**INNER)
-def apart2(a, b, robot):
-    """Return the squared weighted length of the short motion from a to b."""
-    total = 0.0
-    for j in range(a.shape[0]):
-        d = b[j] - a[j]
-        if robot.continuous[j]:
-            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
-        d *= robot.weights[j]
-        total += d * d
-    return total
 
 
 @njit(**INNER)
