@@ -30,7 +30,7 @@ from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, it
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._paths import apart2
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
-from odm.search._state import EDGE_BASE, view
+from odm.search._state import EDGE_BASE, NO_ITEM, view
 from roadmap.compiling.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
@@ -587,8 +587,11 @@ def from_both_ends(state, starts, g):
 
     Verdicts are remembered within a frame: to begin anew takes little.
     """
+    goals = view(state, "goals")
     entry = from_goal(state, starts, g, GLANCE, 1.0)
-    if entry == UNDECIDED:
+    # the costs to go know nothing of a motion that was joined in this frame
+    knows = goals.ref[g, goals.number[g] - 1] != NO_ITEM
+    if entry == UNDECIDED and knows:
         entry = a_star(state, starts, g, FROM_ROBOT)
     if entry == UNDECIDED:
         entry = from_goal(state, starts, g, FROM_GOAL, GREED)
