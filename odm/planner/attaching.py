@@ -440,7 +440,7 @@ class Attacher(Remembering):
     def _is_shut(self, g: int) -> bool:
         """Whether no motion into goal g is free in this frame, so its search is short.
 
-        That is from the goal: see `from_both_ends`.
+        That is from the goal: see `search_to`.
         """
         goals, n = self.frame.memory.goals, self.frame.memory.goals.number.item(g)
         free = (goals.memo[g, :n] == 4 * self.frame.number + FREE).any()

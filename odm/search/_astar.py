@@ -10,7 +10,7 @@ In a large map a long search is content with a path that is not much longer.
 From the goal's side a flood runs along once the search takes longer than usual: a
 goal (or a start) that is walled in is known when the smaller side is exhausted. The
 cost to go knows nothing of what blocks a goal: where the cells block all motions into
-it, `from_both_ends` searches from its side, too, where the way out is short.
+it, `search_to` searches from its side, too, where the way out is short.
 """
 
 import math
@@ -582,19 +582,22 @@ def from_goal(state, starts, g, most, weight):
 
 
 @njit(**INNER)
-def from_both_ends(state, starts, g):
-    """Search to goal g, which the cells block; as `a_star` returns.
+def search_to(state, starts, g, shut):
+    """Search to goal g; as `a_star` returns. `shut`: cells block all motions into it.
 
-    Verdicts are remembered within a frame: to begin anew takes little.
+    Then from both ends by turns. Verdicts are remembered within a frame: to begin anew
+    takes little.
     """
-    goals = view(state, "goals")
-    entry = from_goal(state, starts, g, GLANCE, 1.0)
-    # the costs to go know nothing of a motion that was joined in this frame
-    knows = goals.ref[g, goals.number[g] - 1] != NO_ITEM
-    if entry == UNDECIDED and knows:
-        entry = a_star(state, starts, g, FROM_ROBOT)
-    if entry == UNDECIDED:
-        entry = from_goal(state, starts, g, FROM_GOAL, GREED)
+    entry = UNDECIDED
+    if shut:
+        entry = from_goal(state, starts, g, GLANCE, 1.0)
+        goals = view(state, "goals")
+        # the costs to go know nothing of a motion that was joined in this frame
+        knows = goals.ref[g, goals.number[g] - 1] != NO_ITEM
+        if entry == UNDECIDED and knows:
+            entry = a_star(state, starts, g, FROM_ROBOT)
+        if entry == UNDECIDED:
+            entry = from_goal(state, starts, g, FROM_GOAL, GREED)
     if entry == UNDECIDED:
         entry = a_star(state, starts, g, ALL)
     return entry
