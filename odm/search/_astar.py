@@ -39,7 +39,7 @@ FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
 # vertices that a search to a goal that the cells block closes, by turns: from the goal,
 # from the robot, and from the goal again, content with a path that is not much longer:
 # what is left counts GREED times its straight length, and more after every so many
-GLANCE, FROM_ROBOT, FROM_GOAL, GREEDIER_EVERY = 8, 64, 256, 64
+GLANCE, FROM_ROBOT, FROM_GOAL, GREEDIER_EVERY = 32, 64, 384, 128
 ALL = 1 << 40  # vertices: no limit
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
