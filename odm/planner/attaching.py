@@ -313,7 +313,7 @@ class Attacher(Remembering):
         A search tells by them which motions the frame leaves free, before it asks the
         close test.
         """
-        if not self.is_bare:
+        if not self.is_bare or not most:
             return 0
         self.tidy()
         m, q = self.frame.memory, self.q_attached
@@ -377,11 +377,11 @@ class Attacher(Remembering):
 
         At most `most` motions in all. What is owed comes first, and counts for one.
         """
-        done = int(most > 0 and self.owes > 0)
-        if done:
-            self._pay_all()
-        if most > done:
-            done += self.sweep_cells(most - done)
+        if not most:
+            return 0
+        done = int(self.owes > 0)
+        self._pay_all()
+        done += self.sweep_cells(most - done)
         return done + (self.attach_more(most - done) if most > done else 0)
 
     def attach_more(self, most: int) -> int:
@@ -390,6 +390,7 @@ class Attacher(Remembering):
         A goal that is set, and a start that is new, have only a few at once; the best
         goals come first.
         """
+        self._pay_all()
         self.tidy()
         m, left = self.frame.memory, most
         n = int(m.goals.count[0])
@@ -704,7 +705,7 @@ class Attacher(Remembering):
         if self.is_bare:
             m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             free &= [self._is_clear(q_goal) for q_goal in m.goals.q[new]]
-        first = self.sweep(q[free], dq[free])
+        first = self.sweep(q[free], dq[free]) if free.any() else -1
         if first >= 0:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 
