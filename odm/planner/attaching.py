@@ -431,17 +431,17 @@ class Attacher(Remembering):
             free, looked = self._free_first(vertex, m.goals.q[g], looks)
             looks -= looked
             if free:
-                had = m.goals.number.item(g)
-                left -= self._more_of_goal(g, min(free, left), self._is_shut(g))
-                if m.goals.number.item(g) > had and not self.owes:
+                had, owed = m.goals.number.item(g), self._is_shut(g)
+                left -= self._more_of_goal(g, min(free, left), owed)
+                if m.goals.number.item(g) > had and not owed:
                     self.kept.keep(m.goals, g)
                     self._set_cost_to_any(n)
         return most - left
 
     def _is_shut(self, g: int) -> bool:
-        """Whether no motion into goal g is free in this frame, so its search is short.
+        """Whether no motion into goal g is free in this frame.
 
-        That is from the goal: see `search_to`.
+        Then the search goes from the goal: see `search_to`.
         """
         goals, n = self.frame.memory.goals, self.frame.memory.goals.number.item(g)
         free = (goals.memo[g, :n] == 4 * self.frame.number + FREE).any()

@@ -105,7 +105,7 @@ class Decision(Remembering):
         attacher, self.only_seen, self.joined = self.attacher, False, False
         if attacher.is_stale:
             attacher.forget_all()
-        elif attacher.owes == COSTS or (attacher.owes and self.path.followed):
+        elif attacher.owes and (attacher.owes == COSTS or self.path.followed):
             attacher.pay()  # cells only save tests: where there is a path
         first = self.new_goals or (attacher.without_cells and not self.path.followed)
         self._joins_first = first
