@@ -30,7 +30,7 @@ from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, it
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._paths import apart2
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
-from odm.search._state import EDGE_BASE, NO_ITEM, view
+from odm.search._state import EDGE_BASE, view
 from roadmap.compiling.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
@@ -39,7 +39,8 @@ FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
 # vertices that a search to a goal that the cells block closes, by turns: from the goal,
 # from the robot, and from the goal again, content with a path that is not much longer:
 # what is left counts GREED times its straight length, and more after every so many
-GLANCE, FROM_ROBOT, FROM_GOAL, GREEDIER_EVERY = 32, 64, 384, 128
+GLANCE, FROM_ROBOT, FROM_GOAL, GREEDIER_EVERY = 4, 160, 384, 128
+LONG_GLANCE = 32  # where the cost to go knows nothing of what leads into the goal
 ALL = 1 << 40  # vertices: no limit
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
@@ -590,10 +591,12 @@ def search_to(state, starts, g, shut):
     """
     entry = UNDECIDED
     if shut:
-        entry = from_goal(state, starts, g, GLANCE, 1.0)
         goals = view(state, "goals")
-        # the costs to go know nothing of a motion that was joined in this frame
-        knows = goals.ref[g, goals.number[g] - 1] != NO_ITEM
+        # the costs to go may know nothing yet of the motion that was joined last
+        a = goals.number[g] - 1
+        knows = goals.h[g, goals.node[g, a]] <= goals.length[g, a]
+        glance = GLANCE if knows else LONG_GLANCE
+        entry = from_goal(state, starts, g, glance, 1.0)
         if entry == UNDECIDED and knows:
             entry = a_star(state, starts, g, FROM_ROBOT)
         if entry == UNDECIDED:
