@@ -17,10 +17,12 @@ from odm.search import _attach as kernels
 from odm.search import _cost_to_go as cost_to_go
 from odm.search import _judge as judge
 from odm.search import _state as kinds
+from odm.search._items import FREE, MAYBE
 from odm.search.state import point_motion_bounds
 
 _FAR = 1e6  # [rad or m] stands for a cost to go that is infinite
 _NONE = np.zeros(0, np.int64)
+CELLS, COSTS = 1, 2  # of `Attacher.owes`
 
 
 class Attacher(Remembering):
@@ -44,11 +46,12 @@ class Attacher(Remembering):
         is_stale: Whether the hand has changed, so that goals must be attached anew.
         start_waits: Whether the start lacks motions yet; see `attach_more`.
         is_bare: Whether the start's motions lack their cells yet; see `sweep_cells`.
+        owes: What goals' motions that a frame joined lack: COSTS, then CELLS; 0: none.
     """
 
     REMEMBERED = (
         "goals", "next_vertex", "without_cells", "is_stale", "start_waits", "is_bare",
-        "_passes", "_path_first", "_rounds", "_direct_from", "_refused",
+        "owes", "_passes", "_path_first", "_rounds", "_direct_from", "_refused",
     )  # fmt: skip
 
     def __init__(
@@ -92,6 +95,7 @@ class Attacher(Remembering):
         # nodes that the start or a goal may yet be joined with, by its vertex
         self._later: dict[int, np.ndarray] = {}
         self.start_waits = self.is_bare = False
+        self.owes = 0
         self._path_first = 0  # tests that the path has yet before the motions
         self._refused = _NONE  # nodes that the start cannot go to: what stands still
         self._rounds = 1  # times that the next `join_start` tries a few nodes
@@ -117,7 +121,7 @@ class Attacher(Remembering):
         goals.at[: len(self.goals)] = -1
         goals.count[0] = 0
         self._forget_items()
-        self.is_stale = True
+        self.is_stale, self.owes = True, 0
 
     # --- goals -----------------------------------------------------------------
 
@@ -131,6 +135,7 @@ class Attacher(Remembering):
         if self.is_stale:  # what is known of the goals was known of another hand
             self.goals, self.is_stale = self.goals[:0], False
         m, path = self.frame.memory, self.path
+        self._pay_all()
         self.tidy()
         on_path = len(path) > 0 and path.goal >= 0
         vertex = int(m.goals.vertex[path.goal]) if on_path else -1
@@ -212,29 +217,81 @@ class Attacher(Remembering):
         while not goals.number[g] and self._more_of_goal(g, at_once):
             pass
 
-    def _more_of_goal(self, g: int, most: int) -> int:
-        """Join goal g by up to `most` more motions; return how many were tried."""
+    def _more_of_goal(self, g: int, most: int, owed: bool = False) -> int:
+        """Join goal g by up to `most` more motions; return how many were tried.
+
+        `owed`: they are for this very frame, whose close test has freed them and whose
+        search goes from the goal. It needs neither their cells nor lower costs to go,
+        which take longest, and are left to `pay`.
+        """
         m = self.frame.memory
         goals, q = m.goals, m.goals.q[g]
         k = int(goals.number[g])
         wanted = self._for_goals - k
         tried, ids, begin, dq = self._next(q, goals.vertex[g], wanted, most, False)
-        ids, refs = self._with_cells(ids, begin, dq)
-        if not tried:
-            return 0
+        refs = np.full(len(ids), kinds.NO_ITEM)
+        if not owed:
+            ids, refs = self._with_cells(ids, begin, dq)
+        if not k and tried:
+            goals.h[g] = np.inf
+        if not len(ids):
+            return tried
         n = k + len(ids)
         goals.number[g] = n
         goals.node[g, k:n], goals.ref[g, k:n] = ids, refs
         self._lengths(ids, q, goals.length[g, k:n])
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
-        if not k:
-            goals.h[g] = np.inf
-        cost_to_go.lower_costs(
-            m.graph, goals.node[g, k:n], goals.length[g, k:n], m.search, goals.h[g],
-            *self._edge_lengths,
-        )  # fmt: skip
+        if owed:
+            goals.memo[g, k:n] = 4 * self.frame.number + MAYBE
+            self.owes = COSTS
+        else:
+            self._lower_costs(g, k)
         return tried
+
+    def _lower_costs(self, g: int, first: int) -> None:
+        """Lower the costs to go by the motions into goal g from number `first` on."""
+        m = self.frame.memory
+        new = slice(first, m.goals.number.item(g))
+        cost_to_go.lower_costs(
+            m.graph, m.goals.node[g, new], m.goals.length[g, new], m.search,
+            m.goals.h[g], *self._edge_lengths,
+        )  # fmt: skip
+
+    def pay(self) -> None:
+        """Do what is owed next for the motions into goals that a frame joined.
+
+        First they lower the costs to go, then they get their cells: one in a frame.
+        """
+        goals, owed, self.owes = self.frame.memory.goals, self.owes, self.owes - 1
+        for g in range(len(self.goals)):
+            bare = np.flatnonzero(goals.ref[g, : goals.number[g]] == kinds.NO_ITEM)
+            if len(bare) and owed == COSTS:
+                self._lower_costs(g, int(bare[0]))
+            elif len(bare):
+                self._sweep_into(g, int(bare[0]))
+            if len(bare):
+                self.kept.keep(goals, g)
+        if owed == COSTS:
+            self._set_cost_to_any(len(self.goals))
+
+    def _pay_all(self) -> None:
+        while self.owes:
+            self.pay()
+
+    def _sweep_into(self, g: int, first: int) -> None:
+        """Sweep the cells of the motions into goal g from number `first` on."""
+        self.tidy()
+        goals = self.frame.memory.goals
+        nodes = goals.node[g, first : goals.number[g]].copy()
+        goals.at[g, nodes] = -1
+        begin, dq = self._between(goals.q[g], nodes, outward=False)
+        nodes, refs = self._with_cells(nodes, begin, dq)
+        n = first + len(nodes)
+        goals.number[g], goals.ref[g, first:n] = n, refs
+        goals.at[g, nodes] = np.arange(first, n)
+        for node, ref in zip(nodes.tolist(), refs.tolist(), strict=True):
+            self.path.take_cells(node, goals.vertex[g], ref)
 
     def _more_of_start(self, most: int) -> int:
         """Join the start by up to `most` more motions, as a goal."""
@@ -256,7 +313,7 @@ class Attacher(Remembering):
         A search tells by them which motions the frame leaves free, before it asks the
         close test.
         """
-        if not self.is_bare:
+        if not self.is_bare or not most:
             return 0
         self.tidy()
         m, q = self.frame.memory, self.q_attached
@@ -292,7 +349,7 @@ class Attacher(Remembering):
     @property
     def waits(self) -> bool:
         """Whether start or goals may yet have more motions, or the start's cells."""
-        return self.is_bare or self.lacks_nodes
+        return self.is_bare or self.owes > 0 or self.lacks_nodes
 
     @property
     def lacks_nodes(self) -> bool:
@@ -318,10 +375,14 @@ class Attacher(Remembering):
     def join_more(self, most: int) -> int:
         """Sweep the cells of a bare start, then join by more motions; return how many.
 
-        At most `most` motions in all.
+        At most `most` motions in all. What is owed comes first, and counts for one.
         """
-        swept = self.sweep_cells(most) if most else 0
-        return swept + (self.attach_more(most - swept) if most > swept else 0)
+        if not most:
+            return 0
+        done = int(self.owes > 0)
+        self._pay_all()
+        done += self.sweep_cells(most - done)
+        return done + (self.attach_more(most - done) if most > done else 0)
 
     def attach_more(self, most: int) -> int:
         """Join start and goals by more motions, `most` in all; return the nodes tried.
@@ -329,6 +390,7 @@ class Attacher(Remembering):
         A goal that is set, and a start that is new, have only a few at once; the best
         goals come first.
         """
+        self._pay_all()
         self.tidy()
         m, left = self.frame.memory, most
         n = int(m.goals.count[0])
@@ -369,10 +431,29 @@ class Attacher(Remembering):
             free, looked = self._free_first(vertex, m.goals.q[g], looks)
             looks -= looked
             if free:
-                left -= self._more_of_goal(g, min(free, left))
-                self.kept.keep(m.goals, g)
-                self._set_cost_to_any(n)
+                had, owed = m.goals.number.item(g), self._is_shut(g)
+                left -= self._more_of_goal(g, min(free, left), owed)
+                if m.goals.number.item(g) > had and not owed:
+                    self.kept.keep(m.goals, g)
+                    self._set_cost_to_any(n)
         return most - left
+
+    def _is_shut(self, g: int) -> bool:
+        """Whether no motion into goal g is free in this frame.
+
+        Then the search goes from the goal: see `search_to`.
+        """
+        goals, n = self.frame.memory.goals, self.frame.memory.goals.number.item(g)
+        free = (goals.memo[g, :n] == 4 * self.frame.number + FREE).any()
+        asked = self._asks_close_test and not self.frame.memory.numbers.joint_costs[0]
+        return bool(n > 0 and asked and not free)
+
+    @property
+    def n_motions(self) -> int:
+        """How many motions join the start, and the goals that are set, to nodes."""
+        m = self.frame.memory
+        of_goals = m.goals.number[: m.goals.count.item(0)]
+        return m.start_connections.count.item(0) + sum(of_goals.tolist())
 
     def _free_first(self, vertex: int, q: np.ndarray, looks: int) -> tuple[int, int]:
         """Let the waiting nodes of a vertex begin with those reachable in this frame.
@@ -406,8 +487,11 @@ class Attacher(Remembering):
     def _set_cost_to_any(self, n: int) -> None:
         """Let h_any be the least cost to go to one of the first `n` goals."""
         goals, least = self.frame.memory.goals, self.frame.memory.robot_state.h_any
-        least[:] = np.inf
-        for h, cost in zip(goals.h[:n], goals.cost[:n], strict=True):
+        if not n:
+            least.fill(np.inf)
+            return
+        np.add(goals.h[0], goals.cost[0], out=least)
+        for h, cost in zip(goals.h[1:n], goals.cost[1:n], strict=True):
             np.minimum(least, h + cost if cost else h, out=least)
 
     # --- starts ----------------------------------------------------------------
@@ -458,6 +542,7 @@ class Attacher(Remembering):
         Args:
             clear: Tells which motions (k, dof), from q by dq, keep clear of it.
         """
+        self._pay_all()
         path, goals = self.path, self.frame.memory.goals
         path.forget_behind()  # the robot may go back to where nobody looked
         certified = self.frame.memory.certificates
@@ -620,7 +705,7 @@ class Attacher(Remembering):
         if self.is_bare:
             m.goals.attached_ref[new[free]] = kinds.NO_ITEM
             free &= [self._is_clear(q_goal) for q_goal in m.goals.q[new]]
-        first = self.sweep(q[free], dq[free])
+        first = self.sweep(q[free], dq[free]) if free.any() else -1
         if first >= 0:
             m.goals.attached_ref[new[free]] = first + np.arange(int(np.sum(free)))
 

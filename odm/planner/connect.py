@@ -176,21 +176,19 @@ class Connector(Remembering):
         if not attacher.ends_free:
             self._asked = -1
             return False
-        if q != self._root:
-            if not frame.static.motion_free(frame.q, np.zeros_like(frame.q)):
-                self._asked = -1
-                return False
-            self._root = q
         static = frame.static
         problem = kernels.Problem(frame.memory.table, static.still(), static.scratch())
-        if not kernels.plant(problem):
+        is_new = q != self._root
+        said = kernels.search_beyond(problem, is_new, budget, shortening)
+        code = said % kernels.WORK
+        if code != kernels.REFUSED:
+            self._root = q
+        if code in (kernels.REFUSED, kernels.IN_CONTACT):
             self._asked = -1
             return False
-        code = kernels.connect(problem, budget)
-        self.looked += kernels.work_done(problem)
+        self.looked += said // kernels.WORK
         if code != kernels.MET:
             return False
-        kernels.shorten(problem, shortening)
         self._asked = -1
         return self._remember()
 

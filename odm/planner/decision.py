@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from odm.frame.frame import Frame
-from odm.planner.attaching import Attacher
+from odm.planner.attaching import COSTS, Attacher
 from odm.planner.path import PathInUse
 from odm.planner.saved_memory import Remembering
 from odm.search import _step as step
@@ -105,6 +105,8 @@ class Decision(Remembering):
         attacher, self.only_seen, self.joined = self.attacher, False, False
         if attacher.is_stale:
             attacher.forget_all()
+        elif attacher.owes and (attacher.owes == COSTS or self.path.followed):
+            attacher.pay()  # cells only save tests: where there is a path
         first = self.new_goals or (attacher.without_cells and not self.path.followed)
         self._joins_first = first
         return not (first or self.is_tight)

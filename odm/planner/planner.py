@@ -586,10 +586,11 @@ class ReactivePlanner:
             if found is None:
                 moves = decision.robot == MOVES
                 first, joined = connector.is_new and not moves, False
+                had = self.attacher.n_motions
                 if code == codes.NO_PATH:
                     most = self._shares.nodes_at_first if first else 1
                     joined = decision.join_more(most)
-                if joined:
+                if self.attacher.n_motions > had:
                     more = decision.again(now)
                     if more % _SEGMENT <= _PLANNED:
                         return self._say(more, begun, closed)

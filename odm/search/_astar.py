@@ -8,9 +8,9 @@ cells pays a toll when it comes out, and waits anew; so the first that is paid a
 is the shortest, tolls included, in one search.
 In a large map a long search is content with a path that is not much longer.
 From the goal's side a flood runs along once the search takes longer than usual: a
-goal (or a start) that is walled in is known when the smaller side is exhausted. To a
-goal that the cells block, which the cost to go knows nothing of, a long search takes
-the path over where both sides met.
+goal (or a start) that is walled in is known when the smaller side is exhausted. The
+cost to go knows nothing of what blocks a goal: where the cells block all motions into
+it, `search_to` searches from its side, too, where the way out is short.
 """
 
 import math
@@ -28,6 +28,7 @@ from odm.search._bound import (
 from odm.search._invalidation import refresh, tests_worth_refreshing
 from odm.search._items import BLOCKED, FREE, MAYBE, goal_motion_free, is_hit, item_free
 from odm.search._judge import can_enter, goal_motion_clear, start_clear
+from odm.search._paths import apart2
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
 from roadmap.compiling.jit_options import INNER
@@ -35,13 +36,18 @@ from roadmap.compiling.jit_options import INNER
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
-GLANCE_AFTER = 4  # and before it takes a first look, where cells block the goal
-MET_AFTER = 256  # ... and before a path to it, over where both sides met, is taken
+# vertices that a search to a goal that the cells block closes, by turns: from the goal,
+# from the robot, and from the goal again, content with a path that is not much longer:
+# what is left counts GREED times its straight length, and more after every so many
+GLANCE, FROM_ROBOT, FROM_GOAL, GREEDIER_EVERY = 4, 160, 384, 128
+LONG_GLANCE = 32  # where the cost to go knows nothing of what leads into the goal
+ALL = 1 << 40  # vertices: no limit
 # in maps of more items than LARGE, a search that has closed so many vertices counts
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
 NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
+NONE, UNDECIDED = -1, -2  # instead of an entry: no path; none yet, and it may go on
 
 
 @njit(**INNER)
@@ -102,7 +108,7 @@ def add_entry(search, node, ref, parent, g, f):
 
 @njit(**INNER)
 def grow_greedy(search):
-    """Order the open list anew, with what is left of each path counted GREED times."""
+    """Order the open list anew: what is left of each path counts GREED times more."""
     for i in range(search.waiting[0]):
         f, entry = search.heap_f[i], search.heap_e[i]
         g = search.e_g[entry]
@@ -265,17 +271,17 @@ def begin_flood(state, low, high):
                 continue
             if not goal_motion_free(state, g, a) and goals.memo[g, a] != maybe:
                 continue
-            if item_free(state, w) and reach(state, w, -1):
+            if item_free(state, w) and reach(state, w):
                 return
 
 
 @njit(**INNER)
-def reach(state, w, edge):
+def reach(state, w):
     """Let the flood reach a free node over a free edge; True where the search was."""
     search, run = view(state, "search"), view(state, "numbers").run[0]
-    search.flood[w], search.flood_edge[w] = run, edge
+    search.flood[w] = run
     if search.done[w] == run:
-        search.met[0], search.tail[0] = w, OVER
+        search.tail[0] = OVER
         return True
     search.queue[search.tail[0]] = w
     search.tail[0] += 1
@@ -301,38 +307,8 @@ def flood_step(state):
                 continue
         elif not item_free(state, w) or not item_free(state, item):
             continue
-        if reach(state, np.int64(w), graph.adj_edge[k]):
+        if reach(state, np.int64(w)):
             return
-
-
-@njit(**INNER)
-def take_met(state, g):
-    """Return the heap entry of goal g by way of where both sides met, or -1.
-
-    What the search closed and the flood reached is free; so is all of that path, if
-    the motion into the goal is.
-    """
-    search, goals = view(state, "search"), view(state, "goals")
-    graph = view(state, "graph")
-    v, n = search.met[0], graph.adj_ptr.shape[0] - 1
-    search.met[0] = -1
-    entry = np.int64(search.entry[v])
-    while search.flood_edge[v] >= 0:
-        k = graph.adj_ptr[v]
-        while graph.adj_edge[k] != search.flood_edge[v]:
-            k += 1
-        if search.made[0] + 2 > search.e_node.shape[0]:
-            return -1
-        v, ref = np.int64(graph.adj_node[k]), EDGE_BASE - graph.adj_edge[k]
-        length = search.e_g[entry] + graph.adj_length[k]
-        add_entry(search, v, ref, entry, length, math.inf)
-        entry = search.made[0] - 1
-    a = goals.at[g, v]
-    if not goal_motion_free(state, g, a) and not goal_motion_clear(state, g, a):
-        return -1
-    length = search.e_g[entry] + goals.length[g, a] + goals.cost[g]
-    add_entry(search, n + g, -2 - a, entry, length, math.inf)
-    return search.made[0] - 1
 
 
 @njit(**INNER)
@@ -365,10 +341,9 @@ def flood(state, starts, low, high):
 
 
 @njit(**INNER)
-def a_star(state, starts, only, shut):
+def a_star(state, starts, only, most):
     """Search from the robot by its start motions to goal `only` (-1: any, with costs).
 
-    `shut`: cells block all motions into it, so that its side may be a small one.
     starts.memo holds the frame's verdict of each start motion: free, or maybe, then
     the close test is asked when the motion comes out first; others are left out. So it
     is with the motions into a goal. Returns the heap entry of the goal, or -1.
@@ -385,7 +360,7 @@ def a_star(state, starts, only, shut):
     avoid_history = numbers.avoid_history[0] != 0
     numbers.avoid_history[0] = 1 if avoid_history else 0
     add_starts(state, starts, h, low, high)
-    search.tail[0], search.met[0], search.hasty[0] = NOT_BEGUN, -1, 0
+    search.tail[0], search.hasty[0] = NOT_BEGUN, 0
     many = tests_worth_refreshing(state)
     bound = math.inf  # no longer path is of interest
     popped, greed, large = 0, 1.0, view(state, "rules").large[0]
@@ -437,17 +412,195 @@ def a_star(state, starts, only, shut):
         if not expand(state, entry, h, bound, greed):
             numbers.exhausted[0] = 0
             break
-        floods = popped >= FLOOD_AFTER or (shut and popped == GLANCE_AFTER)
-        if floods and bound == math.inf and search.tail[0] != OVER:
+        if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
             if flood(state, starts, low, high):
                 numbers.exhausted[0] = GOAL_SIDE
                 break
-        if shut and popped >= MET_AFTER and search.met[0] >= 0:
-            met = take_met(state, only)
-            if met >= 0:
-                numbers.exhausted[0], search.hasty[0] = 0, 1
-                stats.popped[0] += popped
-                remember_path(state, met, only)
-                return met
+        if popped == most:
+            stats.popped[0] += popped
+            return UNDECIDED
     stats.popped[0] += popped
-    return -1
+    return NONE
+
+
+@njit(**INNER)
+def straight_to_robot(state, v):
+    """Return the weighted length of the straight motion from node v to the robot."""
+    robot = view(state, "robot_state")
+    return math.sqrt(apart2(view(state, "graph").nodes[v], robot.q, robot))
+
+
+@njit(**INNER)
+def add_ends(state, g, weight):
+    """Begin the open list with the motions into goal g, what is left `weight` times."""
+    search, goals = view(state, "search"), view(state, "goals")
+    maybe = 4 * view(state, "numbers").frame[0] + MAYBE
+    search.made[0] = search.waiting[0] = 0
+    for a in range(goals.number[g]):
+        if goal_motion_free(state, g, a) or goals.memo[g, a] == maybe:
+            v, length = np.int64(goals.node[g, a]), goals.length[g, a]
+            f = length + weight * straight_to_robot(state, v)
+            add_entry(search, v, -2 - a, -1, length, f)
+
+
+@njit(**INNER)
+def verify_back(state, starts, g, entry):
+    """Return True where the motion of an entry from the goal's side is free."""
+    search, goals = view(state, "search"), view(state, "goals")
+    frame = view(state, "numbers").frame[0]
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    v, ref = search.e_node[entry], search.e_ref[entry]
+    if v == n:
+        k = -2 - ref
+        if starts.memo[k] == 4 * frame + MAYBE:
+            return start_clear(state, starts, k)
+        return starts.memo[k] == 4 * frame + FREE
+    if not item_free(state, np.int64(v)):
+        return False
+    if ref <= EDGE_BASE:
+        return item_free(state, n + EDGE_BASE - ref)
+    a = -2 - ref
+    if goal_motion_free(state, g, a):
+        return True
+    return goals.memo[g, a] == 4 * frame + MAYBE and goal_motion_clear(state, g, a)
+
+
+@njit(**INNER)
+def toll_back(state, starts, g, entry):
+    """Return what an entry's motion counts more for wary cells; see `toll`."""
+    search = view(state, "search")
+    n = view(state, "graph").adj_ptr.shape[0] - 1
+    v, ref, parent = search.e_node[entry], search.e_ref[entry], search.e_from[entry]
+    if parent < 0:
+        wary = ref_in_avoided(state, view(state, "goals").ref[g, -2 - ref])
+        return TOLL * search.e_g[entry] if wary else 0.0
+    wary = item_in_avoided(state, np.int64(search.e_node[parent]))
+    item = starts.ref[-2 - ref] if v == n else np.int64(ref)
+    wary = wary or ref_in_avoided(state, item)
+    return TOLL * (search.e_g[entry] - search.e_g[parent]) if wary else 0.0
+
+
+@njit(**INNER)
+def expand_back(state, starts, entry, weight):
+    """Add the edges that lead to a vertex, and the robot's motions to it.
+
+    False where there is no room for them.
+    """
+    graph, search = view(state, "graph"), view(state, "search")
+    frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
+    n = graph.adj_ptr.shape[0] - 1
+    v, g_v = search.e_node[entry], search.e_g[entry]
+    begin, end = graph.adj_ptr[v], graph.adj_ptr[v + 1]
+    if search.made[0] + end - begin + starts.count[0] > search.e_node.shape[0]:
+        return False
+    for k in range(starts.count[0]):
+        verdict = starts.memo[k] - 4 * frame
+        if starts.node[k] == v and (verdict == FREE or verdict == MAYBE):
+            length = g_v + starts.length[k]
+            add_entry(search, n, -2 - k, entry, length, length)
+    for k in range(begin, end):
+        w = np.int64(graph.adj_node[k])
+        if search.flood[w] == run or search.memo[w] == 2 * frame + 1:
+            continue
+        length = g_v + graph.adj_length[k]
+        f = length + weight * straight_to_robot(state, w)
+        add_entry(search, w, EDGE_BASE - graph.adj_edge[k], entry, length, f)
+    return True
+
+
+@njit(**INNER)
+def turn_round(state, entry, g):
+    """Return the heap entry of goal g for a path that was found from its side.
+
+    `entry` is the last one, at the robot. UNDECIDED where there is no room.
+    """
+    search, n = view(state, "search"), view(state, "graph").adj_ptr.shape[0] - 1
+    e, before, length = np.int64(entry), np.int64(-1), 0.0
+    while e >= 0:
+        ref, parent = search.e_ref[e], np.int64(search.e_from[e])
+        length += search.e_g[e]
+        if parent >= 0:
+            length -= search.e_g[parent]
+        v = search.e_node[parent] if parent >= 0 else n + g
+        if search.made[0] == search.e_node.shape[0]:
+            return UNDECIDED
+        add_entry(search, v, ref, before, length, math.inf)
+        e, before = parent, search.made[0] - 1
+    return before
+
+
+@njit(**INNER)
+def from_goal(state, starts, g, most, weight):
+    """Search from goal g to the robot; as `a_star` returns, after `most` vertices.
+
+    What is left of a path counts `weight` times its straight length. Above 1 the path
+    need not be the shortest, and the longer it takes the less so. A search that would
+    settle all items is left to the other side.
+    """
+    numbers, stats = view(state, "numbers"), view(state, "stats")
+    search = view(state, "search")
+    numbers.run[0] += 1
+    stats.runs[0] += 1
+    n, run = view(state, "graph").adj_ptr.shape[0] - 1, numbers.run[0]
+    add_ends(state, g, weight)
+    opens, popped, many = search.waiting[0] > 0, 0, tests_worth_refreshing(state)
+    search.hasty[0] = 1  # `done` knows nothing of it
+    while search.waiting[0] > 0:
+        late = stats.counted[0] == 0 and stats.edge_tests[0] > many
+        if popped == most or late:
+            return UNDECIDED
+        f, entry = search.heap_f[0], pop(search, search.waiting[0])
+        search.waiting[0] -= 1
+        v = search.e_node[entry]
+        if v < n and search.flood[v] == run:
+            continue
+        if not verify_back(state, starts, g, entry):
+            continue
+        if numbers.avoid_history[0] == 1 and search.e_paid[entry] == 0:
+            search.e_paid[entry] = 1
+            more = toll_back(state, starts, g, entry)
+            if more > 0.0:
+                search.e_g[entry] += more
+                push(search, search.waiting[0], f + more, entry)
+                search.waiting[0] += 1
+                continue
+        if v == n:
+            numbers.exhausted[0] = 0
+            goal = turn_round(state, entry, g)
+            if goal >= 0:
+                remember_path(state, goal, g)
+            return goal
+        search.flood[v] = run
+        popped += 1
+        stats.flooded[0] += 1
+        if weight > 1.0 and popped % GREEDIER_EVERY == 0:
+            grow_greedy(search)
+            weight *= GREED
+        if not expand_back(state, starts, entry, weight):
+            return UNDECIDED
+    numbers.exhausted[0] = GOAL_SIDE if opens else 0
+    return NONE
+
+
+@njit(**INNER)
+def search_to(state, starts, g, shut):
+    """Search to goal g; as `a_star` returns. `shut`: cells block all motions into it.
+
+    Then from both ends by turns. Verdicts are remembered within a frame: to begin anew
+    takes little.
+    """
+    entry = UNDECIDED
+    if shut:
+        goals = view(state, "goals")
+        # the costs to go may know nothing yet of the motion that was joined last
+        a = goals.number[g] - 1
+        knows = goals.h[g, goals.node[g, a]] <= goals.length[g, a]
+        glance = GLANCE if knows else LONG_GLANCE
+        entry = from_goal(state, starts, g, glance, 1.0)
+        if entry == UNDECIDED and knows:
+            entry = a_star(state, starts, g, FROM_ROBOT)
+        if entry == UNDECIDED:
+            entry = from_goal(state, starts, g, FROM_GOAL, GREED)
+    if entry == UNDECIDED:
+        entry = a_star(state, starts, g, ALL)
+    return entry

@@ -350,8 +350,9 @@ def nothing_opened(state, starts, g, h):
     seeks = proof.count[RUN] == view(state, "numbers").run[0]
     seeks = seeks and proof.count[SIDE] != GOAL_SIDE
     asks = view(state, "rules").close_test_connections[0] > 0
-    # where cells leave no path, a search asks the close test of all motions
-    asks_all = asks and is_by_close_test(state, starts, g)
+    # where cells leave no path, a search asks the close test of all motions; a path
+    # that need not be the shortest stays
+    asks_all = asks and proof.count[RUN] >= 0 and is_by_close_test(state, starts, g)
     stats = view(state, "stats")
     if stats.counted[0] == 0 and proof.count[N_ITEMS] > tests_worth_refreshing(state):
         refresh(state)

@@ -19,11 +19,13 @@ from numba import njit
 from odm.close_test._close import displacement
 from odm.close_test._static import Still, motion_free
 from odm.search._judge import close_free, part_free, ref_free, stands_free
+from odm.search._paths import apart2
 from odm.search._state import view
 from roadmap.compiling._rows import copy_row
 from roadmap.compiling.jit_options import INNER, LEAN
 
-SPENT, MET, FULL, CUT_OFF = 0, 1, 2, 3
+SPENT, MET, FULL, CUT_OFF, IN_CONTACT, REFUSED = 0, 1, 2, 3, 4, 5
+WORK = 8  # of what `search_beyond` returns: how it ended, and so many times its work
 ROOT = -1  # parent of the start; of goal g: ROOT - g
 DEAD = -1000
 STRIDE = 1.4  # [rad or m, weighted] longest motion between two branches
@@ -83,19 +85,6 @@ def draw(trees, robot, side):
 
 
 @njit(**INNER)
-def apart2(a, b, robot):
-    """Return the squared weighted length of the short motion from a to b."""
-    total = 0.0
-    for j in range(a.shape[0]):
-        d = b[j] - a[j]
-        if robot.continuous[j]:
-            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
-        d *= robot.weights[j]
-        total += d * d
-    return total
-
-
-@njit(**INNER)
 def nearest(problem, side, q):
     """Return the branch of a tree that is nearest to q, and how far it is."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")
@@ -116,7 +105,7 @@ def begin_work(problem):
     trees.tests[0] = view(problem.state, "work").found[3]
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def work_done(problem):
     """Return the work since `begin_work`, in configurations that are looked at."""
     trees = view(problem.state, "trees")
@@ -246,6 +235,26 @@ def add_root(problem, side, q, parent):
 
 
 @njit(**LEAN)
+def search_beyond(problem, is_new, budget, shortening):
+    """Grow both trees, and shorten the path over them where they meet.
+
+    `is_new`: what stands still was not asked about the robot's place yet; REFUSED: it
+    is in the way. IN_CONTACT: in this frame the robot cannot stand there, or at none of
+    the goals. Returns how it ended, and WORK times higher what was spent of `budget`.
+    """
+    robot = view(problem.state, "robot_state")
+    if is_new and not motion_free(problem.still, robot.q, robot.still, problem.scratch):
+        return REFUSED
+    if not plant(problem):
+        return IN_CONTACT
+    code = connect(problem, budget)
+    spent = work_done(problem)
+    if code == MET:
+        shorten(problem, shortening)
+    return code + WORK * spent
+
+
+@njit(**INNER)
 def plant(problem):
     """Let the trees begin at the robot and at the goals; False: one is in contact."""
     state = problem.state
@@ -260,7 +269,7 @@ def plant(problem):
     return trees.count[1] > 0
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def connect(problem, budget):
     """Grow both trees until they meet, or the budget is spent.
 
@@ -394,7 +403,7 @@ def lay_out(trees, i, j, a, b):
     trees.corners[0] = n + shift
 
 
-@njit(**LEAN)
+@njit(**INNER)
 def shorten(problem, budget):
     """Cut corners of the route between drawn points."""
     trees, robot = view(problem.state, "trees"), view(problem.state, "robot_state")

@@ -13,7 +13,7 @@ from odm.obstacles._cloud import (
 )
 from odm.obstacles._occupancy import clear, dilate_points, mark_more, place
 from odm.obstacles._solid_samples import FINE, lay_patterns, take_solids, write_samples
-from odm.search._astar import a_star
+from odm.search._astar import ALL, a_star, search_to
 from odm.search._bound import (
     NO_EXIT_SIDE,
     NO_WAY,
@@ -197,7 +197,7 @@ def plan(state, starts, start_vertex, most, last):
         any_start = judge_starts(state, starts)  # the close test was asked of some
         can_enter = judge_goal(state, g)
         if any_start and can_enter and held != NO_WAY:
-            entry = a_star(state, starts, g, False)
+            entry = search_to(state, starts, g, False)
         if entry < 0 and straight:
             go_straight(state, start_vertex, g)
             return True
@@ -213,7 +213,7 @@ def plan(state, starts, start_vertex, most, last):
                 continue
             any_start = True
             if offered == SEARCH:
-                entry = a_star(state, starts, g, not can_enter)
+                entry = search_to(state, starts, g, not can_enter and not straight)
             leaves = entry >= 0 or can_leave(state, starts)
         keep_run(state, starts, start_vertex, g, entry, run)
         if take_entry(state, starts, entry, start_vertex):
@@ -226,7 +226,7 @@ def plan_jointly(state, starts, start_vertex, any_start, most):
     """Search to all goals by their costs; True where `found_path` is a path."""
     if not any_start:
         offer_starts(state, starts, most)
-    entry = a_star(state, starts, np.int64(-1), False)  # compiled once, as an int64
+    entry = a_star(state, starts, np.int64(-1), ALL)  # compiled once, as an int64
     return take_entry(state, starts, entry, start_vertex)
 
 

@@ -146,12 +146,15 @@ def pool_free(state, item):
 
 @njit(**INNER)
 def goal_motion_free(state, g, a):
-    """Return True if the cells of attachment a of goal g are free; remembered."""
+    """Return True if the cells of attachment a of goal g are free; remembered.
+
+    One that a frame has just joined has no cells that could tell.
+    """
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     known = goals.memo[g, a]
     if known >> 2 == frame:
         return known & 3 == FREE
     ref = goals.ref[g, a]
-    free = ref == IS_GOAL or pool_free(state, ref)
+    free = ref == IS_GOAL or (ref >= 0 and pool_free(state, ref))
     goals.memo[g, a] = 4 * frame + (FREE if free else BLOCKED)
     return free

@@ -354,9 +354,9 @@ def goal_motion_clear(state, g, a):
 def open_goal(state, g, most):
     """Look for a blocked motion into g that the close test finds free; True if any.
 
-    Up to `most` are tested until one is free; those after it are marked MAYBE, and
-    tested when the search comes to them. Where none is free no search begins: it would
-    visit all nodes for a goal that cannot be reached.
+    Up to `most` are tested until one is free, or MAYBE; those after it are marked
+    MAYBE, and tested when the search comes to them. Where none is free no search
+    begins: it would visit all nodes for a goal that cannot be reached.
     """
     goals, frame = view(state, "goals"), view(state, "numbers").frame[0]
     offered = 0
@@ -365,6 +365,7 @@ def open_goal(state, g, most):
         if offered >= most:
             break
         if goal_motion_free(state, g, a) or goals.memo[g, a] != 4 * frame + BLOCKED:
+            any_ = any_ or goals.memo[g, a] == 4 * frame + MAYBE
             continue
         if item_free(state, goals.node[g, a]):
             offered += 1

@@ -155,6 +155,19 @@ def write_path(state, starts, entry, start_vertex):
 
 
 @njit(**INNER)
+def apart2(a, b, robot):
+    """Return the squared weighted length of the short motion from a to b."""
+    total = 0.0
+    for j in range(a.shape[0]):
+        d = b[j] - a[j]
+        if robot.continuous[j]:
+            d -= 2.0 * math.pi * round(d / (2.0 * math.pi))
+        d *= robot.weights[j]
+        total += d * d
+    return total
+
+
+@njit(**INNER)
 def leg_length(a, b, weights):
     """Return the weighted length of the straight leg between two configurations."""
     total = 0.0

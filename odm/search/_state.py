@@ -173,10 +173,8 @@ class Search(NamedTuple):
     g: np.ndarray = array("f8", "n", GOAL)
     # entry by which a node was closed
     entry: np.ndarray = array("i4", "n", FRAME)
-    # run in which the goal's side reached a node, and over which edge, -1: none
+    # run in which the goal's side reached a node
     flood: np.ndarray = array("i8", "n", GOAL)
-    flood_edge: np.ndarray = array("i4", "n", FRAME)
-    met: np.ndarray = array("i8", "1", FRAME)  # node where both sides met, -1: none
     # 1: it took a path that need not be the shortest
     hasty: np.ndarray = array("i8", "1", FRAME)
     queue: np.ndarray = array("i8", "n", FRAME)

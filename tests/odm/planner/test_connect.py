@@ -8,9 +8,11 @@ import odm
 from odm import PlannerSettings, Sphere, surface_of
 from odm.exact.distances import ExactRobot, obstacles_of
 from odm.exact.fcl_robot import FclRobot
+from odm.planner.attaching import COSTS
 from odm.planner.saved_memory import differences
 from odm.search._attach import WAITS, free_first
 from odm.search._bound import NO_EXIT_SIDE, START_SIDE
+from odm.search._cost_to_go import lower_costs
 from odm.search._items import FREE
 from odm.search._state import NO_ITEM
 from roadmap.kinematics.forward import tool_pose
@@ -505,6 +507,53 @@ def test_nodes_that_the_frame_blocks_are_not_joined_but_wait(small_map, scenes):
             assert node not in planner.invalid_nodes()
         tried += 1
     assert tried >= 3
+
+
+def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
+    small_map, scenes
+):
+    """That frame uses the motion by its close test, and later ones as any other."""
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    m, attacher, paid, answered = planner.memory, planner.attacher, 0, 0
+    for scene in scenes:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        for _ in range(12):
+            answer = scene.ask(planner)
+            n = m.goals.number.item(0)
+            if attacher.owes == COSTS:
+                break
+        if attacher.owes != COSTS:
+            continue
+        assert m.goals.ref[0, n - 1] == NO_ITEM
+        if answer.status != "holding":
+            assert_free(small_map, answer.path, scene.balls)
+        fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
+        fresh.load_memory(planner.save_memory())
+        again = scene.ask(planner)
+        assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
+        assert not differences(planner.save_memory(), fresh.save_memory())
+        assert answer.status == "holding" or again.status != "holding"
+        h, lengths = np.full_like(m.goals.h[0], np.inf), m.graph.adj_length
+        ends, n = (lengths.min(), lengths.max()), m.goals.number.item(0)
+        if attacher.owes == COSTS:  # it has joined another one since
+            continue
+        joins = m.goals.node[0, :n], m.goals.length[0, :n]
+        lower_costs(m.graph, *joins, m.search, h, *ends)
+        assert np.array_equal(h, m.goals.h[0])
+        planner.improve(8)  # a new start's path comes first
+        planner.improve(8)
+        refs, n = m.goals.ref[0], m.goals.number.item(0)
+        assert attacher.owes == 0 and (refs[:n] >= 0).all()
+        q = small_map.roadmap.nodes[m.goals.node[0, :n]]
+        begun = np.ascontiguousarray(q), planner.frame.difference(q, m.goals.q[0])
+        first = attacher.sweep(*begun)
+        for two in zip(refs[:n], range(first, first + n), strict=True):
+            cells = [slice(m.pool.begin[i], m.pool.end[i]) for i in two]
+            assert np.array_equal(*(m.pool.mask[part] for part in cells))
+        answered += answer.status != "holding"
+        paid += 1
+    assert paid >= 3 and answered >= 1
 
 
 def test_a_path_that_was_found_is_taken_before_more_nodes_are_joined(small_map, hard):

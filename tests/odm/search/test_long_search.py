@@ -6,12 +6,23 @@ from wrappers import with_wrapper
 
 import odm
 from odm.planner.settings import PlannerSettings
-from odm.search._astar import BOUND_BY_LAST_AFTER, GREED, GREEDY_AFTER, LARGE, take_met
+from odm.search._astar import (
+    ALL,
+    BOUND_BY_LAST_AFTER,
+    FROM_GOAL,
+    GREED,
+    GREEDIER_EVERY,
+    GREEDY_AFTER,
+    LARGE,
+    NONE,
+    UNDECIDED,
+    from_goal,
+)
 from odm.search._invalidation import MANY_TESTS
 from odm.search._state import EDGE_BASE
 from roadmap.kinematics.forward import tool_pose
 
-take_met = with_wrapper(take_met)
+from_goal = with_wrapper(from_goal)
 
 NO_MOTION = -4
 SETTINGS = PlannerSettings(start_connections=1, close_test_connections=0)
@@ -111,27 +122,54 @@ def test_a_long_search_of_a_large_map_is_content_with_a_little_longer(wide_map, 
     assert shorter > 2 and longer > 0
 
 
-def test_a_path_over_where_both_sides_met_is_free_all_the_way(wide_map, rng):
-    """As a search takes it to a goal that the cells block."""
-    nodes, met = wide_map.roadmap.nodes, 0
+def searched_from_goal(planner, weight, most=ALL):
+    """Return what a search from the goal's side says, and the length of its path."""
+    m = planner.memory
+    entry, length = from_goal(m.table, m.start_connections, 0, most, weight), np.inf
+    if entry < 0:
+        return entry, length, np.zeros(0, int)
+    s, roadmap = m.search, planner.cell_map.roadmap
+    length, v, edges = s.e_g[entry], int(m.goals.node[0, 0]), []
+    entry = s.e_from[entry]  # a motion of no length leads into the goal
+    while s.e_from[entry] >= 0:
+        edges.append(EDGE_BASE - s.e_ref[entry])
+        both = roadmap.edges[edges[-1]].tolist()
+        assert s.e_node[entry] == v
+        v = both[int(both[0] == v)]
+        entry = s.e_from[entry]
+    assert v == s.e_node[entry] == m.start_connections.node[0]
+    edges = np.array(edges, int)
+    assert abs(length - roadmap.lengths[edges].sum()) < 1e-9
+    return entry, length, edges
+
+
+def test_a_search_from_the_goal_finds_what_dijkstra_finds_or_a_little_longer(
+    wide_map, rng
+):
+    """As it is done where the cells block all motions into a goal."""
+    roadmap, found, longer, early = wide_map.roadmap, 0, 0, 0
+    nodes = roadmap.nodes
     for a, b in ends(wide_map, rng, 12):
         planner = standing_at_nodes(wide_map, a, b)
         for k in range(0, 20, 4):
             planner.step(odm.sample_capsules(bar(0.01 * k - 0.1), 0.03), q=nodes[a])
-            m, s = planner.memory, planner.memory.search
-            if m.stats.runs.item() == 0 or s.met.item() < 0:
+            if planner.memory.stats.runs.item() == 0:
                 continue
-            entry = take_met(m.table, 0)
-            length, v, edges = s.e_g[entry], b, []
-            entry = s.e_from[entry]  # a motion of no length leads into the goal
-            while s.e_from[entry] >= 0:
-                edges.append(EDGE_BASE - s.e_ref[entry])
-                both = wide_map.roadmap.edges[edges[-1]].tolist()
-                assert s.e_node[entry] == v
-                v = both[int(both[0] == v)]
-                length -= np.linalg.norm(np.subtract(*nodes[both]))
-                entry = s.e_from[entry]
-            assert v == s.e_node[entry] == a and abs(length) < 1e-9
-            assert not np.isin(edges, planner.invalid_edges()).any()
-            met += 1
-    assert met > 3
+            free = np.ones(roadmap.n_edges, bool)
+            free[planner.invalid_edges()] = False
+            planner.memory.stats.counted[:] = 1  # else it gives up after many tests
+            want = dijkstra(roadmap.to_sparse(free), indices=a)[b]
+            _, least, edges = searched_from_goal(planner, 1.0)
+            assert np.isclose(least, want, atol=1e-9) and free[edges].all()
+            _, length, edges = searched_from_goal(planner, GREED)
+            most = GREED ** (1 + FROM_GOAL // GREEDIER_EVERY) * want
+            assert free[edges].all() and want <= length + 1e-9 and length <= most
+            longer += length > want + 1e-9
+            found += 1
+            some = searched_from_goal(planner, 1.0, most=2)[0]
+            early += some == UNDECIDED
+            around = roadmap.adj_edge[roadmap.adj_ptr[b] : roadmap.adj_ptr[b + 1]]
+            frame = planner.memory.numbers.frame.item()
+            planner.memory.search.memo[roadmap.n_nodes + around] = 2 * frame + 1
+            assert searched_from_goal(planner, 1.0)[0] == NONE
+    assert found > 10 and longer > 3 and early > 10
