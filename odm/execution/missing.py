@@ -113,11 +113,12 @@ class MissingParts:
         lost = np.flatnonzero(of < 0)
         of[lost] = len(names) + np.arange(len(lost))  # behind those that are seen
         order = np.concatenate((of, new))
+        if not len(lost):
+            capsules, names = capsules[order], names[order]
+            return AllParts(capsules, names, capsules, None, seen_s)
         seen_s = np.concatenate((seen_s, since[lost]))[order]
         everything = np.concatenate((capsules, rows[lost]))[order]
         names = np.concatenate((names, known[lost]))[order]
-        if not len(lost):
-            return AllParts(everything, names, everything, None, seen_s)
         if len(lost) > self.most:
             everything[:] = np.nan
         may_be = np.array(everything)

@@ -32,7 +32,7 @@ def test_all_that_are_seen_are_told_as_they_are():
         given = rods(now, 1.0), np.array([HAND, FOREARM])
         rows, names, may_be, missing, _ = parts.complete(*given, now)
         assert np.array_equal(rows, given[0]) and np.array_equal(names, given[1])
-        assert missing is None and may_be is rows
+        assert missing is None and may_be is rows and names.dtype == given[1].dtype
 
 
 def test_a_part_that_is_not_seen_stays_and_may_have_come_nearer():
