@@ -17,6 +17,7 @@ import numpy as np
 
 from roadmap.errors import BadInput
 
+_JUMP = 0.1  # [m] a part that comes farther at once than it can has jumped
 _OTHER_NAME = 1e3  # [m] a part of the same name is nearer than any of another one
 
 
@@ -45,28 +46,29 @@ class MissingParts:
     Args:
         kept_s: How long after it was seen last a part is kept [s]; 0: not at all.
         speed: How fast each may move meanwhile [m/s].
-        jump: Farther than that speed and this [m] lead, a part has jumped. More: a
-            noisy tracker loses fewer, and a fault that is as small is not noticed.
+        noise: Bound on the error of a measured place [m]. A part that comes farther
+            than that speed, twice the noise and 10 cm lead has jumped.
         most: So many may be missing at once: a tracker whose parts jump in every frame
             is none.
 
     Raises:
-        BadInput: A time, a speed or a distance that is negative or not finite.
+        BadInput: A time, a speed or a noise that is negative or not finite.
     """
 
     def __init__(
         self,
         kept_s: float = 2.0,
         speed: float = 2.0,
-        jump: float = 0.1,
+        noise: float = 0.0,
         most: int = 200,
     ) -> None:
-        if not all(0.0 <= value < math.inf for value in (kept_s, speed, jump)):
+        if not all(0.0 <= value < math.inf for value in (kept_s, speed, noise)):
             raise BadInput(
-                f"kept_s is {kept_s}, speed {speed} and jump {jump}; give seconds, m/s "
-                "and metres, each 0 or more"
+                f"kept_s is {kept_s}, speed {speed} and noise {noise}; give seconds, "
+                "m/s and metres, each 0 or more"
             )
-        self.kept_s, self.speed, self.jump, self.most = kept_s, speed, jump, most
+        self.kept_s, self.speed, self.most = kept_s, speed, most
+        self._jump = _JUMP + 2.0 * noise
         nobody, none = np.zeros((0, 7)), np.zeros(0)
         self._parts = AllParts(nobody, none, nobody, None, none)
 
@@ -102,7 +104,7 @@ class MissingParts:
         if not (math.isfinite(now) and np.isfinite(capsules).all()):
             return as_seen
         before = np.minimum(last.seen_s, now)
-        far = self.speed * (now - before) + self.jump  # that each can have come
+        far = self.speed * (now - before) + self._jump  # that each can have come
         if last.missing is None and np.array_equal(names, last.names):
             moved = _middles(ends - last.capsules[:, :6])
             if (np.einsum("ij,ij->i", moved, moved) <= far * far).all():

@@ -25,7 +25,6 @@ from sim.story.settings import ConductSettings
 
 _WORDS = {int(part): part.words for part in Part}
 _LOST = 2.5  # times as long as a tracker takes for a frame, somebody may not be seen
-_JUMP = 0.1  # [m] a part that comes farther at once than it can has jumped, noise apart
 _RIGID, _OFF_RIGID = 1e-9, 0.02  # a rotation off by more is mended; is none
 OTHER_SIDE = {"left": "right", "right": "left"}
 _NOWHERE = 1e6  # [m] what is that far away, or not finite, is not seen
@@ -223,9 +222,8 @@ class Sight:
         follow = FollowSettings()
         longest = max(follow.drift_s, _LOST * hand.settings.seen_every_s)
         self._watcher = Watcher(hand.settings.threat, replace(follow, drift_s=longest))
-        seen = hand.settings.threat
-        jump = _JUMP + 2.0 * seen.noise
-        self._missing = MissingParts(conduct.missing_s, seen.speed, jump)
+        able = hand.settings.threat
+        self._missing = MissingParts(conduct.missing_s, able.speed, able.noise)
         self._sound: Seen | None = None  # the last in which all was seen
         # over which time noise makes a still object no faster than half of that
         calm_s = 4.0 * hand.settings.threat.noise / hand.settings.still_speed
@@ -256,7 +254,7 @@ class Sight:
         if parts is not None:
             self._missing.keep(parts)
             rows, labels, may_be, missing, _ = parts
-            sound = are_sound(rows)
+            sound = missing is None or are_sound(rows)
         hand, arm, words = self.parts(labels)
         obj = self.hand.capsules(frame.T_base_object)
         # what the fingers hold moves with them, whether it counts as taken or not

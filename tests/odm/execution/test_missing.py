@@ -149,7 +149,7 @@ def test_what_is_no_list_of_parts_is_refused():
 
 
 def test_a_part_that_jumps_may_be_where_it_was_too():
-    parts = MissingParts(1.0, 2.0, jump=0.1)
+    parts = MissingParts(1.0, 2.0)
     complete(parts, (0.0, 1.0), (HAND, TRUNK), 0.0)
     assert complete(parts, (0.115, 1.0), (HAND, TRUNK), 0.01)[2] is None  # 2 cm, 10 cm
     rows, names, wider = complete(parts, (0.6, 1.0), (HAND, TRUNK), 0.02)
@@ -162,6 +162,13 @@ def test_a_part_that_jumps_may_be_where_it_was_too():
     assert np.array_equal(rows, rods(0.12, 1.0, 0.61))
     assert np.allclose(wider, [0.0, 0.0, 0.02])
     assert complete(parts, (0.12, 1.0), (HAND, TRUNK), 1.04)[2] is None
+
+
+def test_a_noisy_part_has_not_jumped():
+    parts = MissingParts(1.0, 2.0, noise=0.05)
+    complete(parts, (0.0,), (HAND,), 0.0)
+    assert complete(parts, (0.215,), (HAND,), 0.01)[2] is None
+    assert len(complete(parts, (0.445,), (HAND,), 0.02)[0]) == 2
 
 
 def test_hands_that_exchange_their_names_have_not_jumped():

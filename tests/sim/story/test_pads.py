@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 import trimesh
 
-import handover
-import odm as package
 from roadmap import load_robot
 from roadmap.errors import BadInput
 from sim.bench import view as view_bench
@@ -24,17 +22,12 @@ from sim.story.request import DemoRequest
 BALL = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
 
 
-@pytest.fixture(scope="module")
-def maps(meet_maps):
-    return package.load_map(meet_maps[0]), handover.load_reach_map(meet_maps[1])
-
-
 def test_a_robot_without_fingers_is_told_of_pads_and_of_its_links(maps):
     with pytest.raises(BadInput, match=r"--pads LINK`, of .*flange"):
-        setup_of(*maps)
+        setup_of(*maps[:2])
     with pytest.raises(BadInput, match=r"--pads link9.* no such link.*flange"):
-        setup_of(*maps, pads=["flange", "link9"])
-    setup = setup_of(*maps, pads=["flange"])
+        setup_of(*maps[:2], pads=["flange", "link9"])
+    setup = setup_of(*maps[:2], pads=["flange"])
     assert setup.planner().settings.finger_pads == ("flange",)
 
 
@@ -89,7 +82,7 @@ def test_benches_of_a_hand_over_take_pads(maps, meet_maps, monkeypatch):
 
 
 def test_a_recording_is_played_again_with_its_own_pads(odm, maps, meet_maps, tmp_path):
-    setup = setup_of(*maps, pads=["flange"])
+    setup = setup_of(*maps[:2], pads=["flange"])
     case = StoryCase("receive", distance=1.2)
     body = case.body()
     giver = Partner(body, setup.side, setup.obj, case.traits, gives=True)
@@ -113,7 +106,7 @@ class LatePlay(StoryPlay):
 
 
 def test_when_the_person_was_seen_is_recorded_and_told_again(maps, monkeypatch):
-    setup = setup_of(*maps, pads=["flange"], place=False)
+    setup = setup_of(*maps[:2], pads=["flange"], place=False)
     case = StoryCase("receive", distance=1.2)
     giver = Partner(case.body(), setup.side, setup.obj, case.traits, gives=True)
     recorder = StoryRecorder(LatePlay(setup, case, partner=giver))

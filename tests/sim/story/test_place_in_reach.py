@@ -6,8 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import handover
-import odm as package
 from odm.cell_map.recipe import PayloadRecipe
 from roadmap.errors import BadInput
 from sim.cli import run_command
@@ -24,18 +22,13 @@ from sim.story.wrist import PlainWrist
 PADS = ("flange",)
 
 
-@pytest.fixture(scope="module")
-def maps(meet_maps):
-    return package.load_map(meet_maps[0]), handover.load_reach_map(meet_maps[1])
-
-
 def run_of(setup, direction):
     request = DemoRequest("handover", direction=direction)
     return _run_of(request, setup, PlainWrist(setup.obj), None)
 
 
 def test_the_usual_place_is_taken_where_it_is_within_reach(maps):
-    setup = setup_of(*maps, pads=PADS)
+    setup = setup_of(*maps[:2], pads=PADS)
     assert np.allclose(setup.T_place, upright(setup.obj, cases.PLACE_XY))
     run = run_of(setup, "give")
     assert run.story.fetches and _about_place(setup, run) == ""
@@ -45,7 +38,7 @@ def test_a_place_out_of_reach_is_another_one_that_is_told(maps, monkeypatch):
     usual = np.array(cases.PLACE_XY)
     monkeypatch.setattr(cases, "PLACE_XY", tuple(10.0 * usual))
     monkeypatch.setattr(cases, "_NEARER", (1.0, 0.1))
-    setup = setup_of(*maps, pads=PADS)
+    setup = setup_of(*maps[:2], pads=PADS)
     assert np.allclose(setup.T_place[:2, 3], usual)
     assert run_of(setup, "give").story.fetches
 
@@ -57,7 +50,7 @@ def test_a_robot_that_reaches_no_place_begins_with_the_object_and_keeps_it(
     maps, monkeypatch, direction, told
 ):
     monkeypatch.setattr(cases, "_NEARER", ())
-    setup = setup_of(*maps, pads=PADS)
+    setup = setup_of(*maps[:2], pads=PADS)
     assert setup.T_place is None
     run = run_of(setup, direction)
     assert not run.story.fetches
@@ -77,7 +70,7 @@ def test_pads_are_looked_at_before_a_map_of_reach_is_built(meet_maps, monkeypatc
 
 
 def test_a_film_says_how_many_of_its_pictures_are_painted(maps, tmp_path):
-    setup = setup_of(*maps, place=False, pads=PADS)
+    setup = setup_of(*maps[:2], place=False, pads=PADS)
     run = StoryPlay(setup, StoryCase("give"))
     recorder = StoryRecorder(run)
     for _ in range(40):
