@@ -33,13 +33,15 @@ def hear(action=signal.SIG_DFL):
 
 
 @contextlib.contextmanager
-def started(words, cwd, action=signal.SIG_DFL, warm=None):
+def started(words, cwd, action=signal.SIG_DFL, warm=None, **streams):
     """Start a Python process in a folder; its whole group is gone at the end.
 
     `warm`: what `WarmPopen` is told; None: a process of its own from the first line on.
+    `streams`: other than pipes, as for `subprocess.Popen`.
     """
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    pipe |= streams
     if warm is not None:
         process = WarmPopen(words, cwd=cwd, env=env, **warm, **pipe)
     else:

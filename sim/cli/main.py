@@ -134,7 +134,7 @@ def main() -> None:
 
     The exit code is 0; 1, where a command found something (a contact, a false "free",
     a replay that differs); 2, where what was asked cannot be done, told in one
-    sentence; 130: Ctrl-C, 143: SIGTERM, see `sim.terminal.interrupt`.
+    sentence; 130: Ctrl-C, 143: SIGTERM, 129: SIGHUP, see `sim.terminal.interrupt`.
     """
     with interrupt.interruptible():
         group = _group()

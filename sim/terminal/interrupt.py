@@ -1,7 +1,8 @@
 """Ctrl-C ends a command: soon, with exit code 130, and nothing is left behind.
 
-So does SIGTERM, which `timeout`, `kill` and service managers send, with code 143. It is
-heard as Ctrl-C is, and called so below.
+So do SIGTERM, which `timeout`, `kill` and service managers send, with code 143, and
+SIGHUP, which a terminal that is closed sends, with code 129. They are heard as Ctrl-C
+is, and called so below.
 
 Python turns Ctrl-C into one KeyboardInterrupt, raised between two instructions of the
 main thread. That alone does not end a program: an import, a `__del__` or a callback
@@ -40,8 +41,10 @@ from types import CodeType, FrameType
 
 EXIT_CODE = 130
 # the exit code by each signal, and whose it is where we may take it
-_CODES = {signal.SIGINT: EXIT_CODE, signal.SIGTERM: 143}
-_PLAIN = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+_CODES = {signal.SIGINT: EXIT_CODE, signal.SIGTERM: 143, signal.SIGHUP: 129}
+_PLAIN = dict.fromkeys(_CODES, signal.SIG_DFL) | {
+    signal.SIGINT: signal.default_int_handler
+}
 SENTENCE = "odm: interrupted; nothing half-written was left behind"
 GRACE = 1.0  # [s] for tidying up; with it the end comes within 2 s on a busy machine
 _AGAIN = 0.02  # [s] between two tries where it could not be raised

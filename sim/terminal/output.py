@@ -42,9 +42,9 @@ def guarded(command: Callable) -> Callable:
     """Return the command with its errors as one sentence and an exit code.
 
     2: what was asked cannot be done: the planner's own errors, a missing extra, a file
-    that cannot be read or written; 130: Ctrl-C; 143: SIGTERM. A command leaves with 1
-    itself, where it found something. Anything else is a fault of ours and keeps its
-    traceback.
+    that cannot be read or written; 130: Ctrl-C; 143: SIGTERM; 129: SIGHUP. A command
+    leaves with 1 itself, where it found something. Anything else is a fault of ours and
+    keeps its traceback.
     """
 
     @functools.wraps(command)

@@ -1,6 +1,7 @@
 """Ctrl-C ends a command: at any moment, whatever swallows it, with nothing left."""
 
 import os
+import pty
 import re
 import signal
 import subprocess
@@ -37,6 +38,13 @@ def stay():  # as machine code does, or a pool that waits for its threads
             except KeyboardInterrupt:
                 pass
 """
+IN_A_TERMINAL = (
+    HEAD
+    + """
+import fcntl, termios
+fcntl.ioctl(0, termios.TIOCSCTTY)
+"""
+)
 SWALLOWED = """
 with interrupt.interruptible():
     ready()
@@ -281,12 +289,20 @@ def test_processes_of_a_command_end_with_it_and_say_nothing(script, tmp_path):
     assert err.splitlines() == [interrupt.SENTENCE]
 
 
-@pytest.mark.parametrize("script", [SWALLOWED, IN_CALLBACK, BEFORE_ANYTHING])
-def test_sigterm_ends_a_command_as_ctrl_c_does(script, tmp_path):
+@pytest.mark.parametrize(
+    "script, sent, told",
+    [
+        (SWALLOWED, signal.SIGTERM, 143),
+        (IN_CALLBACK, signal.SIGTERM, 143),
+        (BEFORE_ANYTHING, signal.SIGTERM, 143),
+        (SWALLOWED, signal.SIGHUP, 129),
+    ],
+)
+def test_sigterm_and_sighup_end_a_command_as_ctrl_c_does(script, sent, told, tmp_path):
     with started(["-c", HEAD + script], tmp_path) as process:
         wait_for(process.stdout, "ready")
-        code, seconds, out, err = end(process, signal.SIGTERM)
-    assert code == 143 and seconds < PATIENCE_S
+        code, seconds, out, err = end(process, sent)
+    assert code == told and seconds < PATIENCE_S
     assert err.count("interrupted") == 1 and "Traceback" not in err
     assert "never" not in out
 
@@ -299,6 +315,17 @@ def test_sigterm_is_heard_where_ctrl_c_is_ignored(tmp_path):  # of a script's od
         time.sleep(0.1)
         assert process.poll() is None
         assert end(process, signal.SIGTERM)[0] == 143
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_terminal_that_is_closed_ends_a_command(tmp_path):
+    terminal, its_end = pty.openpty()
+    streams = {"stdin": its_end, "stderr": its_end, "stdout": subprocess.PIPE}
+    with started(["-c", IN_A_TERMINAL + WRITING], tmp_path, **streams) as process:
+        os.close(its_end)
+        wait_for(process.stdout, "ready")
+        os.close(terminal)  # what is written to it fails from now on
+        assert process.wait(PATIENCE_S) == 129
     assert not list(tmp_path.iterdir())
 
 
