@@ -9,13 +9,20 @@ It reads the list, takes the next free number, writes the list, then the file, a
 nothing. Two processes that compile the loop for other types at the same moment take the
 same number, and the list then names the machine code of other types. Ours compile ahead
 with all cores, so they take turns.
+
+Nor does numba look whether a file is whole. After a power cut it may hold half of what
+was written, or pages of zeros: no command starts any more, or damaged machine code is
+run. So each file ends with a checksum, and what is damaged counts as not kept.
 """
 
+import io
+import os
 import signal
+import struct
 import threading
-from collections.abc import Iterable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import wraps
 from pathlib import Path
 
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
@@ -24,6 +31,7 @@ from numba.core.dispatcher import Dispatcher
 from roadmap.errors import PlanningError
 
 _LOCK = "numba.lock"  # beside the machine code; empty
+_SEAL = b"crc32 of the above:"  # at the end of a file, then the checksum's four bytes
 
 
 class KeptTypes(IndexDataCacheFile):
@@ -83,16 +91,24 @@ def load_kept(loops: Iterable[Dispatcher]) -> int:
     return loaded
 
 
-def save_in_turn() -> None:
-    """Let whatever numba keeps from now on be listed by one process at a time.
+def guard_kept_code() -> None:
+    """Have numba list what it keeps by one process at a time, and check what it loads.
 
-    Where the disk is full, `PlanningError` names the folder.
+    Where the disk is full, `PlanningError` names the folder. A file without a checksum,
+    which a program without us made, is loaded as long as it can be read.
     """
-    plain = IndexDataCacheFile.save
-    if getattr(plain, "is_in_turn", False):
+    kept = IndexDataCacheFile
+    if kept.save.__module__ == __name__:
         return
+    kept.save = _in_turn(kept.save)
+    kept._open_for_write = _sealed(kept._open_for_write)
+    kept._load_index = _if_whole(kept._load_index, lambda file: file._index_path)
+    kept._load_data = _if_whole(kept._load_data, kept._data_path)
 
-    @wraps(plain)
+
+def _in_turn(plain: Callable) -> Callable:
+    """Return numba's `save`, for one process at a time."""
+
     def save(self: IndexDataCacheFile, key: object, data: object) -> None:
         with _turn(Path(self._cache_path)):
             try:
@@ -104,8 +120,55 @@ def save_in_turn() -> None:
                     "folder of your own that stays"
                 ) from error
 
-    vars(save)["is_in_turn"] = True
-    IndexDataCacheFile.save = save
+    return save
+
+
+def _sealed(plain: Callable) -> Callable:
+    """Return numba's `_open_for_write`, with a checksum behind what is written."""
+
+    @contextmanager
+    def opened(self: IndexDataCacheFile, path: str) -> Iterator[io.BytesIO]:
+        with plain(self, path) as file:
+            written = io.BytesIO()
+            yield written
+            file.write(written.getvalue() + _seal(written.getvalue()))
+
+    return opened
+
+
+def _if_whole(plain: Callable, path_of: Callable[..., str]) -> Callable:
+    """Return what loads a file of numba's, as if there was none where it is damaged."""
+
+    def load(self: IndexDataCacheFile, *name: str) -> object:
+        path = path_of(self, *name)
+        try:
+            if _is_whole(path):
+                return plain(self, *name)
+        except OSError:
+            raise
+        except Exception:  # unpickling half a file raises anything
+            pass
+        return _damaged(path, *name)
+
+    return load
+
+
+def _is_whole(path: str) -> bool:
+    """Return whether a file holds what its checksum says; else it has none yet."""
+    data = Path(path).read_bytes() if os.path.exists(path) else b""
+    above, seal, _ = data.rpartition(_SEAL)
+    return not seal or data[len(above) :] == _seal(above)
+
+
+def _damaged(path: str, *name: str) -> dict:
+    """Say in numba's way that a list holds nothing, or that a file is not there."""
+    if name:
+        raise FileNotFoundError(f"{path} is damaged")
+    return {}
+
+
+def _seal(data: bytes) -> bytes:
+    return _SEAL + struct.pack("<I", zlib.crc32(data))
 
 
 @contextmanager

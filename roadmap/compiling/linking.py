@@ -29,7 +29,7 @@ from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.registry import cpu_target
 
-from roadmap.compiling.kept_code import save_in_turn, undisturbed
+from roadmap.compiling.kept_code import guard_kept_code, undisturbed
 from roadmap.compiling.lowering import keep_values, reach_elements_directly
 from roadmap.compiling.passes import LoopPasses, quick
 from roadmap.compiling.type_lookup import LookupContext, SharedFlagsPasses
@@ -46,7 +46,7 @@ _FREE = frozenset(
 KNOWN = (0, 62) <= version_info.short <= (0, 68)
 
 
-save_in_turn()
+guard_kept_code()
 
 
 class LoopCompiler(CompilerBase):

@@ -13,6 +13,7 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.typeinfer import TypeInferer
 
 from odm.cell_map import _packed
+from roadmap.compiling import kept_code
 from roadmap.compiling.jit_options import LEAN
 from roadmap.compiling.kept_code import KeptTypes, load_kept
 from roadmap.errors import PlanningError
@@ -136,4 +137,41 @@ def test_a_folder_that_cannot_be_locked_is_written_all_the_same(tmp_path, monkey
     monkeypatch.setattr("roadmap.compiling.kept_code._LOCK", "no such folder/lock")
     file = IndexDataCacheFile(str(tmp_path), "loop", "stamp")
     file.save("types", "code")
+    assert file.load("types") == "code"
+
+
+def half(data):
+    return data[: len(data) // 2]
+
+
+def with_a_page_of_zeros(data):
+    return data[:4096] + bytes(4096) + data[8192:]
+
+
+def without_its_checksum(data):
+    return data[: data.rindex(kept_code._SEAL)]
+
+
+@pytest.mark.parametrize("damage", [half, bytes, with_a_page_of_zeros])
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_file_that_is_damaged_counts_as_not_kept(damage, kind, tmp_path):
+    file = IndexDataCacheFile(str(tmp_path), "loop", "stamp")
+    keys = [("types", b"x" * 9000), ("other types", b"")]
+    for key in keys:
+        file.save(key, b"code" * 5000)
+    assert [file.load(key) for key in keys] == [b"code" * 5000] * 2
+    hurt = next(tmp_path.glob(f"*.{kind}"))
+    whole = hurt.read_bytes()
+    hurt.write_bytes(bytes(len(whole)) if damage is bytes else damage(whole))
+    assert None in [file.load(key) for key in keys]
+    for key in keys:
+        file.save(key, b"code" * 5000)
+    assert [file.load(key) for key in keys] == [b"code" * 5000] * 2
+
+
+def test_a_file_that_a_program_without_us_made_is_loaded(tmp_path):
+    file = IndexDataCacheFile(str(tmp_path), "loop", "stamp")
+    file.save("types", "code")
+    for path in tmp_path.glob("*.nb?"):
+        path.write_bytes(without_its_checksum(path.read_bytes()))
     assert file.load("types") == "code"
