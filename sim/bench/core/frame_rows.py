@@ -61,10 +61,11 @@ def _straight_motions(
     free = np.array(keeps)
     looked = found.reshape(len(pairs), -1)[:, ::_LOOK_EVERY].ravel()
     note = f"every {_LOOK_EVERY}th frame, in places {_LOOK_STEP:g} rad apart"
+    share = looked[free].mean() if free.any() else np.nan
     return [
         value_row("straight motions that keep m by exact geometry", 100 * free.mean(),
                   "%", note),
-        value_row("... called free, of those", 100 * looked[free].mean(), "%"),
+        value_row("... called free, of those", 100 * share, "%"),
     ]  # fmt: skip
 
 
