@@ -166,6 +166,10 @@ def test_build_makes_a_map_and_does_not_replace_another_one(odm, tmp_path):
     made = json.loads(text)
     assert code == 0 and made["hash"] == load_map(out).hash
     assert made["nodes"] == load_map(out).roadmap.n_nodes
+    code, text, err = odm(*words, tmp_path / "again", "--nodes", 40)
+    assert " on disk, " in text and " in memory" in text
+    told = "no scenery: the map knows of no floor and no table; give --scenery FILE, a"
+    assert f"{told} recipe with [[scenery]], or planner" in " ".join(err.split())
     code, _, err = odm(*words, out, "--nodes", 50)
     assert code == 2 and "--force" in err and load_map(out).hash == made["hash"]
     assert odm(*words, out, "--nodes", 50, "--force")[0] == 0
@@ -392,6 +396,20 @@ NO_GEOMETRY = """<robot name="bare"><link name="base"/><link name="arm"/>
 <joint name="a" type="revolute"><parent link="base"/><child link="arm"/>
 <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>
 """
+
+
+def test_links_that_are_mostly_in_contact_are_told_at_the_build(odm, tmp_path):
+    """A shape that is too large takes poses away, and only `odm info` said so."""
+    recipe = tiny_recipe(tmp_path)
+    urdf = Path(recipe.robot.source)
+    words = ("--robot", urdf, "--tip", "hand", "--nodes", 40, "--out", tmp_path / "map")
+    assert "in contact in" not in odm("build", *words)[2]
+    ball = '<collision><geometry><sphere radius="0.35"/></geometry></collision>'
+    hand = '<link name="hand">'
+    urdf.write_text(urdf.read_text().replace(hand, hand + ball))
+    code, _, err = odm("build", *words, "--force")
+    told = "% of all poses; the robot never goes there: is their collision geometry"
+    assert code == 0 and told in " ".join(err.split())
 
 
 def test_a_robot_without_any_geometry_is_refused(odm, tmp_path):
