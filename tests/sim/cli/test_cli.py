@@ -22,6 +22,7 @@ from sim.cli import main as cli
 from sim.cli import suggest
 from sim.cli.build_command import built_facts
 from sim.loop.warmup import tiny_recipe
+from sim.tables.scale import Gain
 
 COMMANDS = ("build", "info", "audit", "run", "demo", "replay", "bench", "warmup")
 COMMANDS += ("human", "doctor")
@@ -236,6 +237,25 @@ def test_suggest_agrees_with_a_real_build_and_builds_nothing(
         (rows[0]["map_bytes"], made["folder_bytes"]),
     ):
         assert 0.7 * real < mine < 1.3 * real
+
+
+def test_sizes_that_solve_alike_are_told_in_words(odm, tmp_path, monkeypatch):
+    """All nine rows said 96 % and 98 %, which reads as figures of one's own robot."""
+    monkeypatch.setattr(suggest, "NODES", (100, 200))
+    monkeypatch.setattr(suggest, "CELLS", (0.05,))
+    monkeypatch.setattr(suggest, "ASKED", (5, 10))
+    urdf = tiny_recipe(tmp_path).robot.source
+    words = ("build", "--robot", urdf, "--tip", "hand", "--suggest", "--nodes", 100)
+    text = " ".join(odm(*words)[1].split())
+    assert "On a Panda all of these sizes find a path in 96 % of" in text
+    assert "crossing clutter" not in text
+
+    def differing(nodes, h):
+        return Gain(90.0 if nodes < 150 else 95.0, 98.0, 50.0)
+
+    monkeypatch.setattr(suggest, "gain_of", differing)
+    text = " ".join(odm(*words)[1].split())
+    assert "crossing clutter" in text and "90 %" in text and "95 %" in text
 
 
 @pytest.mark.parametrize(
