@@ -321,9 +321,8 @@ def test_a_hand_that_the_urdf_lacks_is_told_by_its_name(tmp_path):
 
 def _link(name, size="", at="0 0 0"):
     shape = f'<origin xyz="{at}"/><geometry><box size="{size}"/></geometry>'
-    return f'<link name="{name}"><collision>{shape}</collision></link>' * bool(
-        size
-    ) or (f'<link name="{name}"/>')
+    solid = f"<collision>{shape}</collision>" if size else ""
+    return f'<link name="{name}">{solid}</link>'
 
 
 def _joint(name, kind, parent, child, at, more=""):
