@@ -233,6 +233,7 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
     from odm.cell_map.estimate import estimate
     from roadmap import robot_names
     from roadmap.geometry.self_collision import OFTEN
+    from roadmap.loading.assembly import LEFT_OUT
 
     size = estimate(robot, recipe)
     lines = [
@@ -246,6 +247,8 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
     lines += [note for note in robot.notes if note.startswith(names)]
     often = "; the robot never goes there: is their collision geometry right?"
     lines += [note + often for note in robot.notes if OFTEN in note]
+    bare = "; the arm may meet them: give those within its reach collision geometry"
+    lines += [note + bare for note in robot.notes if note.startswith(LEFT_OUT)]
     if not recipe.scenery:
         lines.append(
             "no scenery: the map knows of no floor and no table; give --scenery FILE, "

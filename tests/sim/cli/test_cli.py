@@ -432,6 +432,17 @@ def test_links_that_are_mostly_in_contact_are_told_at_the_build(odm, tmp_path):
     assert code == 0 and told in " ".join(err.split())
 
 
+def test_base_links_that_are_only_drawn_are_told_at_the_build(odm, tmp_path):
+    urdf = Path(tiny_recipe(tmp_path).robot.source)
+    sign = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+    more = f'<link name="sign">{sign}</link><joint name="s" type="fixed">'
+    more += '<parent link="base"/><child link="sign"/></joint></robot>'
+    urdf.write_text(urdf.read_text().replace("</robot>", more))
+    words = ("--robot", urdf, "--tip", "hand", "--nodes", 40, "--out", tmp_path / "map")
+    told = "left out: sign; the arm may meet them: give those within its reach"
+    assert told in " ".join(odm("build", *words)[2].split())
+
+
 def test_a_robot_without_any_geometry_is_refused(odm, tmp_path):
     (tmp_path / "bare.urdf").write_text(NO_GEOMETRY)
     words = ("--robot", str(tmp_path / "bare.urdf"), "--tip", "arm")
