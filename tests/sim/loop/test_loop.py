@@ -194,10 +194,8 @@ def test_a_single_work_place_is_refused(straight, crane):
 
 def test_reasons_of_a_kind_group_wherever_in_the_cover_it_is():
     start = "the start is in contact: "
-    inside = (
-        "sphere 90 (elbow of the other robot) is 8.4 cm inside the cover of fore_arm"
-    )
-    outside = "sphere 7 (tool of the other robot) is 0.4 cm from the cover of fore_arm"
+    inside = "sphere 90 (elbow of the other robot) is 8.4 cm inside the cover of arm_2"
+    outside = "sphere 7 (tool of the other robot) is 0.4 cm from the cover of arm_2"
     told = [
         kind_of(f"{start}{inside}, not 1.0 cm outside; move it 9.4 cm away"),
         kind_of(f"{start}{outside}, closer than 1.0 cm; move it 0.6 cm away"),
