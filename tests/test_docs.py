@@ -7,7 +7,6 @@ from rows import each
 
 ROOT = Path(__file__).resolve().parent.parent
 TEXTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
-TEXTS = [path for path in TEXTS if path.name != "CHANGELOG.md"]
 FILE = re.compile(r"(?<![\w/.])((?:roadmap|odm|handover|sim|tests|maps)/[\w/]+\.\w+)")
 LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 
@@ -48,3 +47,21 @@ def test_a_number_without_a_decision_is_explained():
     missing = listed.partition("**0008")[2].partition("\n## ")[0]
     explained = {"0008", *re.findall(r"\d{4}", missing)}
     assert not numbers - set(DECISIONS) - explained
+
+
+CHANGES = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_each_line_of_the_changelog_has_a_section_and_is_short():
+    """A flat list of a thousand lines is read by nobody: see CONTRIBUTING.md."""
+    release = CHANGES.partition("\n## ")[2]
+    before, *sections = re.split(r"^### ", release, flags=re.M)
+    assert "\n- " not in before, "a line of the changelog belongs into a section"
+    titles = [section.partition("\n")[0] for section in sections]
+    assert len(titles) == len(set(titles))
+    assert not [s for s, title in zip(sections, titles, strict=True) if "\n- " not in s]
+    assert not [line for line in CHANGES.splitlines() if len(line) > 120]
+
+
+def test_the_changelog_names_decisions_that_are_there():
+    assert not set(re.findall(r"\b0\d{3}\b", CHANGES)) - set(DECISIONS)

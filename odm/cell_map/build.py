@@ -64,12 +64,12 @@ def build_map(
     sampled = time.perf_counter()
     margin = recipe.safety.rho + recipe.safety.m + recipe.safety.mu + 1e-3
     grid = grid_for(_largest(robot, recipe), recipe.safety.h, margin)
-    rest = (grid, recipe.safety, workers, _named(progress))
+    rest = (grid, recipe.safety, workers, progress)
     cells = sweep_roadmap(robot, arm_of(robot), roadmap, *rest)
     built = _facts(report, sampled - begun)
     payload = None
     if recipe.payload is not None:
-        rest = (grid, scenery, threads, workers, _named(progress, "payload "))
+        rest = (grid, scenery, threads, workers, _with_payload(progress))
         payload = build_payload(robot, recipe, roadmap, *rest)
         n = roadmap.n_nodes
         built["payload_nodes"] = int(n - payload.closed[:n].sum())
@@ -150,7 +150,8 @@ def _source_of(recipe: Recipe) -> str | Path:
     return source if named else file
 
 
-def _named(progress: Progress | None, layer: str = "") -> Progress | None:
+def _with_payload(progress: Progress | None) -> Progress | None:
+    """Return a progress whose stages say that they are those of the payload."""
     if progress is None:
         return None
-    return lambda stage, done, total: progress(f"{layer}cells of {stage}", done, total)
+    return lambda stage, done, total: progress(f"{stage}, with payload", done, total)

@@ -51,16 +51,16 @@ def sweep_roadmap(
     starts = range(0, n, CHUNK)
     parts = (Chunk(k, at_rest(swept, roadmap.nodes[k : k + CHUNK])) for k in starts)
     found = workers.map(sweep_job(swept, "node"), parts)
-    nodes = _collected(found, grid, n, tell, "nodes")
+    nodes = _collected(found, grid, n, tell, "cells of nodes")
     parts = _edge_chunks(robot, roadmap, nodes)
     found = workers.map(sweep_job(swept, "edge"), parts)
-    edges = _collected(found, grid, m, tell, "edges")
+    edges = _collected(found, grid, m, tell, "cells of edges")
     ptr = np.concatenate([nodes[0], nodes[0][-1] + edges[0][1:]])
     block = np.concatenate([nodes[1], edges[1]])
     mask = np.concatenate([nodes[2], edges[2]])
-    tell("packing", 0, 1)
+    tell("packing cells", 0, 1)
     lists = packed_lists(ptr, block, mask, grid.n_blocks)
-    tell("packing", 1, 1)
+    tell("packing cells", 1, 1)
     return lists
 
 

@@ -11,11 +11,14 @@ are none of those that are seen now are missing: they were lost, or have jumped.
 """
 
 import math
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
+from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 _JUMP = 0.1  # [m] a part that comes farther at once than it can has jumped
 _OTHER_NAME = 1e3  # [m] a part of the same name is nearer than any of another one
@@ -81,11 +84,11 @@ class MissingParts:
 
         Args:
             capsules: (k, 7) the parts that are seen: two ends and a radius [m].
-            names: (k,) what each is, a number, such as `handover.Part`.
+            names: (k,) what each is: whole numbers, such as `handover.Part`, or words.
             now: When they were seen [s]; a clock that was set back makes none older.
 
         Raises:
-            BadInput: Not (k, 7) capsules, or not as many names.
+            BadInput: Not (k, 7) capsules, not as many names, or a `now` that is none.
         """
         parts = self.find(capsules, names, now)
         self.keep(parts)
@@ -93,11 +96,13 @@ class MissingParts:
 
     def find(self, capsules: np.ndarray, names: np.ndarray, now: float) -> AllParts:
         """Return what `complete` does, and remember nothing yet: see `keep`."""
-        if capsules.ndim != 2 or capsules.shape[1] != 7 or len(names) != len(capsules):
+        capsules, names = as_floats("the person's capsules", capsules), _names_of(names)
+        if capsules.shape != (len(names), 7):
             raise BadInput(
                 f"there are capsules of shape {capsules.shape} and {len(names)} names; "
                 "give (k, 7) and a name for each, (0, 7) and none for nobody"
             )
+        check_kind("now", now, Real, "give seconds as a number")
         seen_s = np.full(len(names), now)
         as_seen = AllParts(capsules, names, capsules, None, seen_s)
         last, ends = self._parts, capsules[:, :6]
@@ -135,6 +140,21 @@ class MissingParts:
             self._parts = parts._replace(capsules=capsules, names=names)
 
 
+def _names_of(names: object) -> np.ndarray:
+    """Return what parts are called as an array (k,), of numbers or of words."""
+    try:
+        found = np.asarray(names)
+    except ValueError:
+        found = np.zeros((0, 0))  # ragged
+    sound = found.dtype.kind in "biufU" or found.size == 0
+    if found.ndim != 1 or not sound:
+        raise BadInput(
+            f"names are {shown(names)}; give a list with a whole number or a word for "
+            "each capsule"
+        )
+    return found
+
+
 def _matched(
     before: np.ndarray,
     known: np.ndarray,
@@ -149,7 +169,8 @@ def _matched(
     of = np.full(len(before), -1)
     gap = np.linalg.norm(_middles(before)[:, None] - _middles(now)[None], axis=2)
     gap[gap > far[:, None]] = np.inf
-    gap += np.where(known[:, None] == names[None], 0.0, _OTHER_NAME)
+    alike = known.dtype.kind == names.dtype.kind and known[:, None] == names[None]
+    gap += np.where(alike, 0.0, _OTHER_NAME)
     while gap.size:
         i, j = np.unravel_index(gap.argmin(), gap.shape)
         if not gap[i, j] < np.inf:

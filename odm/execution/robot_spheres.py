@@ -37,6 +37,8 @@ class RobotSpheres:
         self.robot, self._chosen = robot, np.flatnonzero(robot.moving)
         self.radii = frozen(robot.spheres[self._chosen, 3], np.float64)
         reach = np.asarray(robot.sphere_reach)[self._chosen]
+        links = (robot.link_names[k] for k in robot.sphere_link[self._chosen])
+        self._labels = {"spheres": tuple(f"{k} of the other robot" for k in links)}
         bounds = motion_per_point(robot.tree_i, robot.tree_f, reach, robot.dof)
         self.motion_bounds = frozen(bounds, np.float64)
 
@@ -70,7 +72,9 @@ class RobotSpheres:
 
     def obstacles(self, q: np.ndarray, T_world_base: np.ndarray) -> Obstacles:
         """Return the robot at a configuration as `planner.step` takes it; see `at`."""
-        return Obstacles(spheres=self.at(q, T_world_base))
+        found = Obstacles(spheres=self.at(q, T_world_base))
+        found.labels = self._labels
+        return found
 
     def moved(self, dq: np.ndarray) -> np.ndarray:
         """Return (n,) how far a centre gets where joint j moves by dq[j], at most."""

@@ -123,10 +123,9 @@ class Reasons:
         gap, keep, link, what, point = frame.nearest(self.q)
         if gap < keep:
             text = (
-                f"the start is in contact: {what} is {_less(gap, keep)} from the "
-                f"cover of {link}, closer than {in_cm(keep)}; move it "
-                f"{_more(keep - gap)} away, or let the robot get out of its way "
-                f"(answer.retreat){self._denser(gap, point)}"
+                f"the start is in contact: {what} is {_too_near(gap, keep, link)}; "
+                f"move it {_more(keep - gap)} away, or let the robot get out of its "
+                f"way (answer.retreat){self._denser(gap, point)}"
             )
             if point >= 0 and gap < _OWN:
                 text += (
@@ -142,8 +141,8 @@ class Reasons:
         if len(blocked) == len(rows):
             gap, keep, link, what, point = rows[0]
             text = (
-                f"goal 0 is blocked: {what} would be {_less(gap, keep)} from the "
-                f"cover of {link} there, closer than {in_cm(keep)}; move it "
+                f"goal 0 is blocked: {what} would be "
+                f"{_too_near(gap, keep, f'{link} there')}; move it "
                 f"{_more(keep - gap)} away"
             )
             more = len(rows) - 1
@@ -243,6 +242,13 @@ class Reasons:
 def _more(length: float) -> str:
     """Return how far something must be moved [m]: rounded up, never 0.0 cm."""
     return in_cm(max(np.ceil(1000.0 * length), 1.0) / 1000.0)
+
+
+def _too_near(gap: float, keep: float, link: str) -> str:
+    """Return how near to a link's cover something is that is nearer than `keep` [m]."""
+    if gap < 0.0:
+        return f"{_more(-gap)} inside the cover of {link}, not {in_cm(keep)} outside"
+    return f"{_less(gap, keep)} from the cover of {link}, closer than {in_cm(keep)}"
 
 
 def _less(gap: float, keep: float) -> str:

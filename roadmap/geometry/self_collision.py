@@ -27,6 +27,7 @@ FINEST = 1e-5
 _MAX_DEPTH = 40
 _SAMPLES = 500
 ALWAYS = "always in contact"
+OFTEN = "are in contact in"  # ... so much of all poses: a note of the robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +155,7 @@ def with_pairs(
     reason = f"{ALWAYS} ({_SAMPLES + 2} configurations)"
     dropped += [(names[i], names[j], reason) for i, j in always]
     often = [
-        f"{names[i]} and {names[j]} are in contact in {share[i, j]:.0%} of all poses"
+        f"{names[i]} and {names[j]} {OFTEN} {share[i, j]:.0%} of all poses"
         for i, j in kept
         if 0.5 < share[i, j] < 1.0
     ]

@@ -15,6 +15,7 @@ from roadmap.loading.travel import swept_solids
 from roadmap.robot.description import Description, Link
 from roadmap.robot.robot import Robot
 
+LEFT_OUT = "base links with visual geometry only, left out"  # a note of the robot
 _NAMED = 6  # links of a note, at most
 
 
@@ -42,14 +43,19 @@ class Parts:
 
     @cached_property
     def owners(self) -> list[Link]:
-        """The links with geometry, body by body."""
-        body = self.tree.link_body
-        links = [
+        """The links with geometry, body by body.
+
+        What is only drawn counts on moving links, and on the base where the base has
+        nothing else: the arm of a URDF that is drawn alone must not meet its own base.
+        """
+        body, links = self.tree.link_body, self.description.links.values()
+        drawn = not any(link.collisions for link in links if body[link.name] == 0)
+        owners = [
             link
-            for link in self.description.links.values()
-            if link.collisions or (link.visuals and body[link.name] > 0)
+            for link in links
+            if link.collisions or (link.visuals and (body[link.name] > 0 or drawn))
         ]
-        return sorted(links, key=lambda link: body[link.name])
+        return sorted(owners, key=lambda link: body[link.name])
 
     @cached_property
     def solids(self) -> tuple[list[Solid], list[str]]:
@@ -94,7 +100,7 @@ def assemble(
             *tree.notes,
             *notes,
             *_coarse(owners, tree, geometry, solids, excess),
-            *_bare(description, tree),
+            *_bare(description, owners),
             *_unknown(description, parts.disabled),
         ),
         source=parts.source,
@@ -123,18 +129,14 @@ def _standing(
     return notes
 
 
-def _bare(description: Description, tree: BodyTree) -> list[str]:
-    links = description.links.values()
+def _bare(description: Description, owners: list[Link]) -> list[str]:
+    links, there = description.links.values(), {link.name for link in owners}
     none = [k.name for k in links if not k.collisions and not k.visuals]
-    seen = [
-        k.name
-        for k in links
-        if not k.collisions and k.visuals and tree.link_body[k.name] == 0
-    ]
+    seen = [k.name for k in links if k.visuals and k.name not in there]
     notes = [f"links without geometry: {', '.join(none)}"] if none else []
     if seen:
         names = ", ".join(seen)
-        notes.append(f"base links with visual geometry only, left out: {names}")
+        notes.append(f"{LEFT_OUT}: {names}")
     return notes
 
 

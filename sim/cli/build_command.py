@@ -232,19 +232,30 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
 
     from odm.cell_map.estimate import estimate
     from roadmap import robot_names
+    from roadmap.geometry.self_collision import OFTEN
+    from roadmap.loading.assembly import LEFT_OUT
 
     size = estimate(robot, recipe)
-    Console(stderr=True).print(
+    lines = [
         f"{recipe.name}: {recipe.roadmap.nodes:,} nodes, about "
-        f"{counted(size.n_edges, 'edge')} and {bytes_text(size.map_bytes)}",
-        highlight=False,
-    )
+        f"{counted(size.n_edges, 'edge')} and {bytes_text(size.map_bytes)}"
+    ]
     if recipe.robot.tip is None and recipe.robot.source not in robot_names():
         told = f"the tool is {robot.tip_name}, the end of the longest chain; --tip"
-        Console(stderr=True).print(f"{told} LINK takes another", highlight=False)
-    for note in robot.notes:
-        if note.startswith(tuple(f"{name}: " for name in robot.joint_names)):
-            Console(stderr=True).print(note, highlight=False)
+        lines.append(f"{told} LINK takes another")
+    names = tuple(f"{name}: " for name in robot.joint_names)
+    lines += [note for note in robot.notes if note.startswith(names)]
+    often = "; the robot never goes there: is their collision geometry right?"
+    lines += [note + often for note in robot.notes if OFTEN in note]
+    bare = "; the arm may meet them: give those within its reach collision geometry"
+    lines += [note + bare for note in robot.notes if note.startswith(LEFT_OUT)]
+    if not recipe.scenery:
+        lines.append(
+            "no scenery: the map knows of no floor and no table; give --scenery FILE, "
+            "a recipe with [[scenery]], or planner.scene at run time"
+        )
+    for line in lines:
+        Console(stderr=True).print(line, highlight=False, markup=False)
 
 
 def built_map(recipe: "Recipe", threads: int = 0) -> Path:
@@ -294,9 +305,8 @@ def _show(facts: dict) -> None:
     parts = facts["n_components"]
     print(
         f"{counted(facts['nodes'], 'node')} and {counted(facts['edges'], 'edge')} in "
-        f"{facts['seconds']:.1f} s, {bytes_text(facts['folder_bytes'])}: "
-        f"{per_edge['edge_major']:.0f} bytes per edge in the edge-major view, and "
-        f"{per_edge['block_major']:.0f} more in memory for the block-major one"
+        f"{facts['seconds']:.1f} s; {bytes_text(facts['folder_bytes'])} on disk, "
+        f"{bytes_text(sum(per_edge.values()) * facts['edges'])} in memory"
     )
     if parts > 1:
         print(

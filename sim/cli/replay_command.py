@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from sim.run.folders import MAPS, check_map_folder
+from sim.run.folders import MAPS, check_map_folder, folder_of_map
 from sim.terminal.checks import FILM, FOLDER, RECORDING, Limits, Refused, Writes
 from sim.terminal.flags import (
     Json,
@@ -45,7 +45,9 @@ class ReplayRequest:
         metavar="FILE",
     )
     map_dir: Path | None = optional(
-        "A map's folder; default: maps/built/NAME.", "--map", metavar="MAP"
+        "A map's folder; default: the one in maps/built that holds the map.",
+        "--map",
+        metavar="MAP",
     )
     reach: Path | None = optional(
         "Its reach map, of a hand-over or a run to targets; default: "
@@ -322,11 +324,12 @@ def _map_of(found: "RunRecord", path: Path, map_dir: Path | None) -> "CellMap":
     from sim.record.again import check_map
 
     wanted = found.head["map"]
-    folder = map_dir or MAPS / wanted["name"]
+    usual = MAPS / wanted["name"]
+    folder = map_dir or folder_of_map(wanted["name"], wanted["hash"]) or usual
     if map_dir is None and not folder.exists():
         raise BadInput(
-            f"the map {wanted['name']} {wanted['hash'][:12]} of the recording is not "
-            f"in {folder}; give its folder with --map, or build it with "
+            f"the map {wanted['name']} {wanted['hash'][:12]} of the recording is in no "
+            f"folder of {MAPS}; give its folder with --map, or build it with "
             f"`odm replay {quote(str(path))} --build {quote(str(folder))}`"
         )
     cell_map = load_map(folder)

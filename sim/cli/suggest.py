@@ -251,10 +251,13 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
 
     title = f"{recipe.name}: estimated from a few dozen edges; nothing was built"
     heads = ("cell", "nodes", "edges", "per\nedge", "map", "build")
-    heads += ("overhead", "overhead,\nclose", "crossing", "clutter")
+    heads += ("overhead", "overhead,\nclose")
+    gains = [gain_of(row.nodes, row.h) for row in rows]
+    solved = [(f"{gain.crossing:.0f} %", f"{gain.clutter:.0f} %") for gain in gains]
+    alike = len(set(solved)) == 1  # two columns of one figure would tell nothing
+    heads += () if alike else ("crossing", "clutter")
     cells = []
-    for row in rows:
-        gain = gain_of(row.nodes, row.h)
+    for row, shares in zip(rows, solved, strict=True):
         told = (
             f"{100 * row.h:g} cm",
             f"{row.nodes:,}",
@@ -264,8 +267,7 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
             f"{row.seconds:.0f} s",
             f"{100 * row.overhead_cells:.1f} cm",
             f"{100 * row.overhead_close:.1f} cm",
-            f"{gain.crossing:.0f} %",
-            f"{gain.clutter:.0f} %",
+            *(() if alike else shares),
         )
         cells.append([f"[bold]{cell}[/]" for cell in told] if row is best else told)
     console = Console(highlight=False)
@@ -274,10 +276,22 @@ def _show(rows: list[Suggestion], recipe: Recipe, best: Suggestion | None) -> No
         "Overhead: how much farther than the clearance m an arm is when an edge is "
         "given up, on average; close: by the close test, which asks points where cells "
         "block. More nodes: shorter ways round; smaller cells: nearer passes. "
-        "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
-        "about that size, by `odm bench scale`."
+        + _solved(solved[0] if alike else None)
     )
     console.print(_advice(recipe, best))
+
+
+def _solved(alike: tuple[str, str] | None) -> str:
+    """Return what the sizes solve on the Panda, or what the columns of it are."""
+    if alike is None:
+        return (
+            "Crossing, clutter: frames and scenes with a path on a Panda with a map of "
+            "about that size, by `odm bench scale`."
+        )
+    return (
+        f"On a Panda all of these sizes find a path in {alike[0]} of the frames beside "
+        f"a crossing arm and in {alike[1]} of cluttered scenes (`odm bench scale`)."
+    )
 
 
 def _advice(recipe: Recipe, best: Suggestion | None) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sim.run.folders import MAPS
+from sim.run.folders import MAPS, folder_of_map
 from sim.terminal import interrupt
 from sim.terminal.checks import Limits
 from sim.terminal.flags import argument, flag, from_request, optional, refuse_beside
@@ -39,7 +39,7 @@ class ViewRequest:
     )
     map_dir: Path | None = optional(
         "A map's folder: alone, or for the cells and edges of a recording.  "
-        "[maps/built/NAME of the recording]",
+        "[the one in maps/built that holds it]",
         "--map",
         metavar="MAP",
     )
@@ -150,20 +150,19 @@ def _map_of(
     from sim.record.again import check_map
 
     head = record.head["map"]
-    folder = request.map_dir or MAPS / head["name"]
     if request.map_dir is not None:
-        cell_map = load_map(folder)
-        check_map(record, cell_map, request.file, folder)
+        cell_map = load_map(request.map_dir)
+        check_map(record, cell_map, request.file, request.map_dir)
         return cell_map, []
+    folder = folder_of_map(head["name"], head["hash"])
     try:
-        cell_map = load_map(folder, verify=False)
-        if cell_map.hash == head["hash"]:
-            return cell_map, []
+        if folder is not None:
+            return load_map(folder, verify=False), []
     except BadMap:
         pass
     told = (
-        f"its map {head['name']} {head['hash'][:12]} is not in {folder}, so occupied "
-        "cells and the roadmap are not shown; give it with --map"
+        f"its map {head['name']} {head['hash'][:12]} is in no folder of {MAPS}, so "
+        "occupied cells and the roadmap are not shown; give it with --map"
     )
     return None, [told]
 

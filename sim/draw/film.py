@@ -215,12 +215,17 @@ def _draw_ground(
 def painted(
     paint: Callable[[int], object], frames: Sequence[int], tell: Progress | None
 ) -> list:
-    """Return the picture (PIL) of each frame; `tell` is called before each of them."""
+    """Return the picture (PIL) of each frame.
+
+    `tell` is called before each, and before what follows: to pack them takes seconds.
+    """
     pictures = []
     for k, frame in enumerate(frames):
         if tell is not None:
             tell("writing the film", k, len(frames))
         pictures.append(paint(frame))
+    if tell is not None:
+        tell("packing the film", 0, 1)
     return pictures
 
 

@@ -254,4 +254,8 @@ def percentiles(values: np.ndarray) -> dict[str, float]:
 
 def kind_of(reason: str) -> str:
     """Return a reason without numbers and names, so that like ones group."""
-    return re.sub(r"\S*[\d_]\S*", "#", reason)
+    text = re.sub(r" \([^()]* of the other robot\)", "", reason)
+    # too near is too near: inside of a cover or just outside
+    inside = r"inside (the cover of .*?), not (\S+ cm) outside"
+    text = re.sub(inside, r"from \1, closer than \2", text)
+    return re.sub(r"\S*[\d_]\S*", "#", text)

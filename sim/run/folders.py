@@ -12,6 +12,23 @@ REACH_MAPS = MAPS / "reach"
 GRASPS = MAPS / "grasps"
 
 
+def folder_of_map(name: str, wanted: str) -> Path | None:
+    """Return the folder of maps/built that holds the map of a hash; None: no such.
+
+    That of the map's name is looked at first; `odm build --out` gives others.
+    """
+    there = sorted(path for path in MAPS.glob("*") if path.is_dir())
+    return next((p for p in (MAPS / name, *there) if _hash_in(p) == wanted), None)
+
+
+def _hash_in(folder: Path) -> str | None:
+    try:
+        text = (folder / "manifest.json").read_text(encoding="utf-8")
+        return json.loads(text)["hash"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
 def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
     """Refuse to replace another map or folder, before any work."""
     from odm.cell_map.recipe import recipe_of_map

@@ -145,6 +145,7 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
     """Let `write` fill a file that is there whole or not at all; makes its folder.
 
     A device or a pipe, such as /dev/stdout, is written to; of a link, what it names.
+    Returns the path as it was given, which is how a user knows it.
     """
     from roadmap.builds.unfinished import beside, is_special  # --help is quick
 
@@ -156,12 +157,12 @@ def write_whole(path: str | Path, write: Callable[[BinaryIO], object]) -> Path:
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(path)) from error
         return path
-    path = path.resolve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with beside(path) as made:
+    target = path.resolve()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with beside(target) as made:
         with open(made, "xb") as stream:
             write(stream)
-        os.replace(made, path)
+        os.replace(made, target)
     return path
 
 

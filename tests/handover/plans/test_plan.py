@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import handover
+from handover.grasps.grasp_build import GraspSettings
+from handover.grasps.hands import hand_spec
+from handover.plans import grasps as grasp_sets
 from handover.plans.limb import limb_of
 from handover.plans.motions import home_of
 from handover.plans.plan_record import record_of
@@ -16,6 +19,7 @@ from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
 
 QUICK = PlanSettings(tuples=1, shorten=20)
+FEW = GraspSettings(samples=6, rolls=3)
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +34,46 @@ def test_a_plan_has_every_motion_in_order(plan):
     assert names == [*order, "release", "retreat", "place"]
     for one, after in zip(plan.motions[:-1], plan.motions[1:], strict=True):
         assert after.begin == pytest.approx(one.end)
+
+
+def test_a_hand_of_ones_own_plans_as_the_known_one_that_it_is(scene, grasps, plan):
+    """`hand = {...}`, as docs/plans.md has it, ended each plan: "there is no hand"."""
+    known = scene.giver.agent.arms["left"]
+    own = replace(known, hand=replace(known.spec, name="mine"))
+    agent = replace(scene.giver.agent, arms=scene.giver.agent.arms | {"left": own})
+    mine = replace(scene, giver=replace(scene.giver, agent=agent))
+    sets = grasps | {"mine": replace(grasps["sdh_left"], hand="mine")}
+    found = plan_handover(mine, 600.0, grasps=sets, settings=QUICK)
+    assert found.found, found.reason
+    assert found.grasp_giver == plan.grasp_giver
+    assert [m.end for m in found.motions] == [m.end for m in plan.motions]
+
+
+def test_hands_of_one_name_have_sets_of_their_own(tmp_path, monkeypatch):
+    """A set that is stored for one URDF's hand is not taken for another's."""
+    made_by = []
+
+    def few(thing, hand, progress=None):
+        made_by.append(hand)
+        return handover.build_grasps(thing, hand, FEW)
+
+    monkeypatch.setattr(grasp_sets, "build_grasps", few)
+    jar, spec = handover.load_object("food_jar"), hand_spec("sdh_left")
+    farther = pose_of((0.0, 0.0, 0.01), (0.0, 0.0, 0.0))
+    one = replace(spec, name="mine")
+    other = replace(one, T_link_palm=spec.T_link_palm @ farther)
+    sets = [grasp_sets.grasps_for(jar, hand, tmp_path) for hand in (one, other)]
+    assert len(list(tmp_path.iterdir())) == len(made_by) == 2
+    assert not np.array_equal(sets[0].T_object_palm, sets[1].T_object_palm)
+    again = grasp_sets.grasps_for(jar, replace(one), tmp_path)
+    assert len(made_by) == 2
+    assert np.array_equal(again.T_object_palm, sets[0].T_object_palm)
+    clear = [
+        grasp_sets.line_clear(hand, again, g, 0.05)
+        for hand in (one, spec)
+        for g in range(len(again))
+    ]
+    assert clear[: len(again)] == clear[len(again) :]
 
 
 def test_motions_begin_where_the_last_one_ended_and_keep_limits(plan):

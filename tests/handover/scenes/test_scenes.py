@@ -1,5 +1,6 @@
 """Scenes: seeds, ranges of the paper, starts, files, and what is refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from person_agent import arm_joint, person_urdf
 from rows import each
 
 import handover
+from handover.grasps.hand import make_hand
 from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from handover.scenes.agent_body import agent_body, upright
 from handover.scenes.paper import PAPER_SCENES, butler, kneeling, stool
@@ -315,3 +317,62 @@ def test_a_hand_that_the_urdf_lacks_is_told_by_its_name(tmp_path):
     told = "right arm of .giver. has the hand 'panda', but arm3.urdf has no joint"
     with pytest.raises(BadInput, match=told):
         handover.load_scene(written(tmp_path, text))
+
+
+def _link(name, size="", at="0 0 0"):
+    shape = f'<origin xyz="{at}"/><geometry><box size="{size}"/></geometry>'
+    solid = f"<collision>{shape}</collision>" if size else ""
+    return f'<link name="{name}">{solid}</link>'
+
+
+def _joint(name, kind, parent, child, at, more=""):
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{more}</joint>'
+
+
+def _jaw(axis, more=""):
+    limit = '<limit lower="0" upper="0.025" velocity="0.1" effort="9"/>'
+    return f'<axis xyz="0 {axis} 0"/>{limit}{more}'
+
+
+GRIPPER = [
+    _link("base", "0.1 0.1 0.1", "0 0 0.05"),
+    _link("gripper", "0.07 0.1 0.1", "0 0 0.05"),
+    _link("jaw_a", "0.02 0.01 0.04", "0 0.005 0.02"),
+    _link("jaw_b", "0.02 0.01 0.04", "0 -0.005 0.02"),
+    _link("tool0"),
+    _joint(
+        "turn",
+        "revolute",
+        "base",
+        "gripper",
+        "0 0 0.2",
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="9"/>',
+    ),
+    _joint("jaw_a_joint", "prismatic", "gripper", "jaw_a", "0 0 0.1", _jaw(1)),
+    _joint(
+        "jaw_b_joint",
+        "prismatic",
+        "gripper",
+        "jaw_b",
+        "0 0 0.1",
+        _jaw(-1, '<mimic joint="jaw_a_joint"/>'),
+    ),
+    _joint("tool", "fixed", "gripper", "tool0", "0 0 0.12"),
+]
+
+
+def test_the_robot_of_ones_own_of_the_docs_holds_a_hammer(tmp_path):
+    page = Path(__file__).resolve().parents[3] / "docs" / "plans.md"
+    blocks = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    giver = next(block for block in blocks if "jaw_a_joint" in block)
+    urdf = f'<robot name="mine">{"".join(GRIPPER)}</robot>'
+    (tmp_path / "mine.urdf").write_text(urdf)
+    text = TEA.replace('[giver]\nagent = "crichton"\n', giver).replace("0.5, ", "0.7, ")
+    scene = handover.load_scene(written(tmp_path, text))
+    hand = make_hand(scene.giver.agent.arms["right"].spec)
+    few = handover.GraspSettings(samples=12, rolls=4)
+    grasps = handover.build_grasps(handover.load_object("hammer"), hand, few)
+    assert len(grasps) > 0 and hand.links == ("gripper", "jaw_a", "jaw_b", "tool0")
+    # both jaws hold: the second one follows the first
+    assert {"jaw_a", "jaw_b"} <= {hand.links[k] for k in np.unique(grasps.contact_link)}

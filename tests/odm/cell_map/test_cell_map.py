@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -224,3 +225,14 @@ def test_scenery_that_makes_no_solid_is_refused(scenery, words):
 
     with pytest.raises(BadRecipe, match=words):
         odm.build_map(replace(small_recipe(), scenery=(scenery,)))
+
+
+def test_stages_of_a_build_are_told_in_words():
+    """With a payload layer a build said "payload cells of packing"."""
+    stages = []
+    envelope = odm.load_recipe("panda_carry").payload
+    recipe = replace(small_recipe(), payload=replace(envelope, radius=0.03))
+    odm.build_map(recipe, 1, lambda stage, *_: stages.append(stage))
+    cells = [stage for stage in dict.fromkeys(stages) if "cells" in stage]
+    bare = ["cells of nodes", "cells of edges", "packing cells"]
+    assert cells == [*bare, *(f"{stage}, with payload" for stage in bare)]

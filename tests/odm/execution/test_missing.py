@@ -1,5 +1,7 @@
 """Parts that a tracker shows no more are kept for a while, where they were."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -198,3 +200,41 @@ def test_what_is_found_is_remembered_once_it_is_kept():
     assert parts.find(rods(0.0), np.array([HAND]), 0.02).missing is None
     parts.keep(found)
     assert parts.find(rods(3.0), np.array([HAND]), 0.02).missing.tolist() == [1, 0]
+
+
+def test_lists_and_words_are_names_too():
+    """They were taken in the first frame, and ended the loop when somebody was lost."""
+    told = [[1.0, 0, 0, 1.2, 0, 0, 0.05], [2.0, 0, 0, 2.2, 0, 0, 0.1]]
+    by_number, by_word = MissingParts(1.0, 2.0), MissingParts(1.0, 2.0)
+    for rows, numbers, words in (
+        (told, [HAND, TRUNK], ["hand", "torso"]),
+        (told[1:], [TRUNK], ["torso"]),
+    ):
+        now = 0.1 * (2 - len(rows))
+        one, other = (
+            parts.complete(rows, names, now)
+            for parts, names in ((by_number, numbers), (by_word, words))
+        )
+        assert np.array_equal(one.may_be, other.may_be)
+        assert one.names.tolist() == [HAND, TRUNK]
+        assert other.names.tolist() == ["hand", "torso"]
+    assert other.missing.tolist() == [True, False]
+    # a tracker that begins to number what it named loses nobody
+    mixed = by_word.complete(told[1:], [TRUNK], 0.2)
+    assert len(mixed.capsules) == 2 and mixed.missing.sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((np.zeros((1, 7)), [[1]], 0.0), "names are [[1]]; give a list with a whole"),
+        ((np.zeros((1, 7)), [object()], 0.0), "names are [<object"),
+        ((np.zeros((1, 7)), 3, 0.0), "names are 3; give a list"),
+        ((np.zeros((1, 7)), [1], None), "now is None"),
+        (("hand", [1], 0.0), "the person's capsules must be an array of real"),
+        ((np.zeros(7), [1], 0.0), "capsules of shape (7,) and 1 names"),
+    ],
+)
+def test_what_is_no_frame_of_parts_is_told(words, told):
+    with pytest.raises(BadInput, match=re.escape(told)):
+        MissingParts(1.0, 2.0).complete(*words)

@@ -42,6 +42,16 @@ def held(rows, there):
     return bool((off <= sets[:, :, 3] + 1e-9).any(axis=0).all())
 
 
+def test_a_sphere_is_told_by_the_link_of_the_other_robot(spheres):
+    robot = spheres.robot
+    found = spheres.obstacles(np.zeros(robot.dof), T)
+    links = [robot.link_names[k] for k in robot.sphere_link[robot.moving]]
+    told = [found.name(k) for k in range(len(found))]
+    assert len(set(links)) > 1 and told == [
+        f"sphere {k} ({link} of the other robot)" for k, link in enumerate(links)
+    ]
+
+
 def test_the_spheres_hold_the_links_where_the_joints_bring_them(spheres, rng):
     """A ball that touches no sphere is as far from the exact solids, at least."""
     robot = spheres.robot

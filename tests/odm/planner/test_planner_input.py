@@ -134,6 +134,8 @@ def test_points_deep_inside_a_link_are_told_to_be_of_the_robot_itself(
     for is_it in (beside[None], odm.Obstacles(spheres=np.array([[*middle, 0.05]]))):
         reason = planner.step(is_it, q=HOME).reason
         assert "start is in contact" in reason and "own picture" not in reason
+        # "is -4.2 cm from the cover of upper" was for mathematicians
+        assert " cm inside the cover of " in reason and "is -" not in reason
 
 
 def test_a_start_in_self_collision_or_scenery_holds(small_map, planner):
@@ -148,7 +150,7 @@ def test_a_blocked_goal_is_named_with_what_would_help(planner):
     answer = planner.step(ball_at([-0.5, 0.0, 0.25], 0.08), q=HOME)
     assert answer.status == "holding"
     assert answer.reason.startswith("goal 0 is blocked")
-    assert f"from the cover of {answer.blockers.link} there" in answer.reason
+    assert f" inside the cover of {answer.blockers.link} there" in answer.reason
     assert "away" in answer.reason
     assert answer.goal is None
 

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from small import AWAY, HOME, NOBODY
 
 import odm
@@ -55,3 +56,48 @@ def test_the_example_of_clouds_runs(planner, rng, capsys):
     exec(example("clouds.md"), known)
     assert known["answer"].status == "replanned"
     assert "left out: 0 NaN" in capsys.readouterr().out
+
+
+class Ended(Exception):
+    """The tracker has no more frames."""
+
+
+class Tracker:
+    """Somebody 2 m away for 30 frames, the last ten of them lost (NaN)."""
+
+    def __init__(self):
+        self.stamp, self.frame = 0.0, 0
+
+    def latest(self):
+        self.frame += 1
+        self.stamp = 0.01 * self.frame
+        if self.frame > 30:
+            raise Ended
+        rows = np.tile([2.0, 0.0, 0.5, 2.0, 0.0, 1.0, 0.1], (17, 1))
+        return rows if self.frame <= 20 else rows * np.nan
+
+
+class Robot:
+    """Goes along each path by a twentieth of its first leg, or stops."""
+
+    def __init__(self, q):
+        self.here, self.followed, self.stopped = q, 0, 0
+
+    def q(self):
+        return self.here
+
+    def follow(self, path):
+        self.here = self.here + 0.05 * (path[1] - self.here)
+        self.followed += 1
+
+    def stop(self):
+        self.stopped += 1
+
+
+def test_the_loop_of_ones_own_runs(small_map):
+    tracker, robot = Tracker(), Robot(HOME.copy())
+    known = {"cell_map": small_map, "q_goal": AWAY, "tracker": tracker, "robot": robot}
+    with pytest.raises(Ended):
+        exec(example("own_loop.md"), known | {"clock": lambda: tracker.stamp + 0.002})
+    assert (robot.followed, robot.stopped) == (20, 10)
+    assert np.abs(robot.here - AWAY).max() < np.abs(HOME - AWAY).max()

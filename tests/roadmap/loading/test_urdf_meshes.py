@@ -8,7 +8,9 @@ from roadmap import load_robot
 from roadmap.errors import BadRobot
 from roadmap.geometry.spheres import robot_solids
 from roadmap.kinematics.forward import body_frames
+from roadmap.loading.assembly import LEFT_OUT
 from roadmap.robot.robot import HULL
+from sim.loop.warmup import URDF
 
 # a tetrahedron, as OBJ with bytes that are not UTF-8 and with negative indices
 OBJ = b"# Gr\xf6\xdfe\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 9 9 9\n"
@@ -116,13 +118,33 @@ def test_dae_meshes_lie_where_pinocchio_sees_them(example_file):
     assert compared >= 6
 
 
-def test_a_moving_link_with_visual_geometry_only_uses_its_hull_and_says_so(arm):
+def test_links_that_are_only_drawn_use_their_hull(arm):
+    """A base that was only drawn was left out: the arm could meet it."""
     path = arm(BALL)
     path.write_text(path.read_text().replace("collision", "visual"))
     robot = load_robot(path, **COARSE)
-    assert robot.link_names == ("arm",)
-    assert any("arm: no collision" in note for note in robot.notes)
-    assert any("base" in note and "left out" in note for note in robot.notes)
+    assert robot.link_names == ("base", "arm")
+    for name in robot.link_names:
+        assert any(f"{name}: no collision" in note for note in robot.notes)
+    assert not any("left out" in note for note in robot.notes)
+
+
+def test_the_arm_of_a_robot_that_is_only_drawn_is_tested_against_its_base(tmp_path):
+    urdf, drawn = tmp_path / "solid.urdf", tmp_path / "drawn.urdf"
+    urdf.write_text(URDF)
+    drawn.write_text(URDF.replace("collision", "visual"))
+    solid, robot = (load_robot(path, tip="hand") for path in (urdf, drawn))
+    assert robot.fingerprint() == solid.fingerprint()
+    names = robot.link_names
+    assert ("base", "hand") in {(names[i], names[j]) for i, j in robot.self_pairs}
+    # beside a base that has collision geometry what is drawn is decoration, and told
+    sign = "<visual><geometry><box size='1 1 1'/></geometry></visual>"
+    more = f'<link name="sign">{sign}</link><joint name="s" type="fixed">'
+    more += '<parent link="base"/><child link="sign"/></joint>'
+    urdf.write_text(URDF.replace("</robot>", more + "</robot>"))
+    beside = load_robot(urdf, tip="hand")
+    assert beside.link_names == solid.link_names
+    assert f"{LEFT_OUT}: sign" in beside.notes
 
 
 @pytest.mark.parametrize("points", [FLAT, b"v 0 0 0\nv .3 0 0\nv .1 0 0\nf 1 2 3\n"])

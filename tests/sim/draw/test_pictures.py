@@ -57,7 +57,8 @@ def test_the_film_is_a_short_small_gif_in_real_time(run, crane, places, tmp_path
         run, crane, places, world, tmp_path / "a.gif", settings,
         tell=lambda *said: told.append(said),
     )  # fmt: skip
-    assert told == [("writing the film", k, 12) for k in range(12)]
+    packing = ("packing the film", 0, 1)  # "249 of 250" stood there for 16 s
+    assert told == [*(("writing the film", k, 12) for k in range(12)), packing]
     with Image.open(path) as film:
         assert film.n_frames == 12 and film.size == (240, 180)
         assert film.info["duration"] == 80

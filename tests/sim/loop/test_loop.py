@@ -9,7 +9,7 @@ import pytest
 
 from roadmap.errors import BadInput
 from sim.loop.loop import LoopSettings, run_loop
-from sim.loop.run_result import STATUS
+from sim.loop.run_result import STATUS, kind_of
 
 SHORT = LoopSettings(duration_s=4.0, speed_scale=1.0)
 
@@ -190,3 +190,16 @@ def test_settings_that_make_no_loop_are_refused(values, words):
 def test_a_single_work_place_is_refused(straight, crane):
     with pytest.raises(BadInput, match="at least two"):
         run_loop(straight, crane, np.zeros((1, 2)), None, SHORT)
+
+
+def test_reasons_of_a_kind_group_wherever_in_the_cover_it_is():
+    start = "the start is in contact: "
+    inside = "sphere 90 (elbow of the other robot) is 8.4 cm inside the cover of arm_2"
+    outside = "sphere 7 (tool of the other robot) is 0.4 cm from the cover of arm_2"
+    told = [
+        kind_of(f"{start}{inside}, not 1.0 cm outside; move it 9.4 cm away"),
+        kind_of(f"{start}{outside}, closer than 1.0 cm; move it 0.6 cm away"),
+    ]
+    assert told[0] == told[1] and "closer than # cm" in told[0]
+    person = f"{start}capsule 1 (torso) is 0.4 cm from the cover of hand, closer"
+    assert kind_of(person) != kind_of(person.replace("torso", "left hand"))

@@ -1,6 +1,7 @@
 """`odm run --record` and `odm replay` as a user meets them."""
 
 import json
+import shutil
 from itertools import product
 
 import numpy as np
@@ -13,6 +14,7 @@ from recorded import crane_recipe, tampered
 
 from odm import build_map, load_map, load_recipe
 from sim.cli import build_command as cli_build
+from sim.cli import view
 from sim.cli.replay_command import holds_facts, merged
 from sim.loop.loop import Loop
 from sim.loop.warmup import tiny_recipe
@@ -332,6 +334,34 @@ def test_options_of_the_other_kind_of_file_are_refused(odm, map_dir, file, tmp_p
     assert odm("replay", tmp_path / "frames.npz")[0] == 2
     assert odm("replay")[0] == 2
     assert odm("replay", file, "--frames", file)[0] == 2
+
+
+def test_a_map_in_a_folder_of_another_name_is_found(
+    odm, map_dir, file, tmp_path, monkeypatch
+):
+    """`odm build --robot my.urdf --out maps/built/mine` makes a map named my."""
+    monkeypatch.chdir(tmp_path)
+    code, _, err = odm("replay", file)
+    assert code == 2 and "is in no folder of maps/built; give its" in sentence(err)
+    mine = tmp_path / "maps/built/mine"
+    shutil.copytree(map_dir, mine)
+    (tmp_path / "maps/built/broken").mkdir()
+    (tmp_path / "maps/built/broken/manifest.json").write_text("[]")
+    code, out, _ = odm("replay", file)
+    assert code == 0 and out.startswith("same: 200 frames")
+    _, lacking = view._map_of(read_record(file), view.ViewRequest(file=file))
+    assert not lacking
+    # another map that has the name is told apart, as ever
+    other = tiny_recipe(tmp_path)
+    head = read_record(file).head["map"]
+    build_map(other, threads=1).save(tmp_path / "maps/built" / head["name"])
+    named = tmp_path / "maps/built" / head["name"]
+    manifest = json.loads((named / "manifest.json").read_text())
+    (named / "manifest.json").write_text(json.dumps(manifest | {"hash": "another"}))
+    assert odm("replay", file)[0] == 0
+    shutil.rmtree(mine)
+    code, _, err = odm("replay", file)
+    assert code == 2 and "maps/built" in sentence(err)
 
 
 def test_the_default_folder_is_that_of_odm_build():

@@ -4,6 +4,7 @@ import errno
 import os
 import stat
 import threading
+from pathlib import Path
 
 import pytest
 import typer
@@ -31,6 +32,13 @@ def test_a_link_keeps_leading_to_what_it_names(tmp_path):
     link.symlink_to(real)
     write_text(link, "1")
     assert link.is_symlink() and real.read_text() == "1"
+
+
+def test_a_file_is_called_what_the_user_called_it(tmp_path, monkeypatch):
+    """One command named its picture in full, and its figures as they were typed."""
+    monkeypatch.chdir(tmp_path)
+    assert write_text(Path("out/plan.json"), "{}") == Path("out/plan.json")
+    assert (tmp_path / "out/plan.json").read_text() == "{}"
 
 
 def test_a_full_device_is_told_with_its_name(monkeypatch):
