@@ -17,28 +17,74 @@ run. So each file ends with a checksum, and what is damaged counts as not kept.
 
 import io
 import os
+import pickle
 import signal
 import struct
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
+from numba.core import caching
 from numba.core.dispatcher import Dispatcher
 
 from roadmap.errors import PlanningError
 
 _LOCK = "numba.lock"  # beside the machine code; empty
 _SEAL = b"crc32 of the above:"  # at the end of a file, then the checksum's four bytes
+# what unpickling half a file raises
+_HALF = (pickle.UnpicklingError, ArithmeticError, AttributeError, EOFError, ImportError)
+_HALF += (LookupError, TypeError, ValueError)
 
 
-class KeptTypes(IndexDataCacheFile):
+class GuardedFile(caching.IndexDataCacheFile):
+    """Numba's files of one loop, listed by one process at a time, and looked at.
+
+    A file without a checksum, which a program without us made, is loaded as long as it
+    can be read.
+    """
+
+    def save(self, key: object, data: object) -> None:
+        """Keep machine code; where the disk is full, PlanningError names the folder."""
+        with _turn(Path(self._cache_path)):
+            try:
+                super().save(key, data)
+            except OSError as error:
+                raise PlanningError(
+                    f"compiled loops cannot be kept in {self._cache_path}: "
+                    f"{error.strerror}; free some room, or set NUMBA_CACHE_DIR to a "
+                    "folder of your own that stays"
+                ) from error
+
+    @contextmanager
+    def _open_for_write(self, path: str) -> Iterator[io.BytesIO]:
+        with super()._open_for_write(path) as file:
+            written = io.BytesIO()
+            yield written
+            file.write(written.getvalue() + _seal(written.getvalue()))
+
+    def _load_index(self) -> dict:
+        """Return what is kept; nothing where the list is damaged."""
+        if _is_whole(self._index_path):
+            with suppress(*_HALF):
+                return super()._load_index()
+        return {}
+
+    def _load_data(self, name: str) -> object:
+        """Return machine code; numba takes an OSError for a file that is gone."""
+        path = self._data_path(name)
+        if _is_whole(path):
+            with suppress(*_HALF):
+                return super()._load_data(name)
+        raise FileNotFoundError(f"{path} is damaged")
+
+
+class KeptTypes(GuardedFile):
     """The types of arguments for which code of a compiled loop is kept."""
 
     def __init__(self, loop: Dispatcher) -> None:
-        kept = CompileResultCacheImpl(loop.py_func)
+        kept = caching.CompileResultCacheImpl(loop.py_func)
         place = kept.locator
         super().__init__(
             place.get_cache_path(), kept.filename_base, place.get_source_stamp()
@@ -92,65 +138,8 @@ def load_kept(loops: Iterable[Dispatcher]) -> int:
 
 
 def guard_kept_code() -> None:
-    """Have numba list what it keeps by one process at a time, and check what it loads.
-
-    Where the disk is full, `PlanningError` names the folder. A file without a checksum,
-    which a program without us made, is loaded as long as it can be read.
-    """
-    kept = IndexDataCacheFile
-    if kept.save.__module__ == __name__:
-        return
-    kept.save = _in_turn(kept.save)
-    kept._open_for_write = _sealed(kept._open_for_write)
-    kept._load_index = _if_whole(kept._load_index, lambda file: file._index_path)
-    kept._load_data = _if_whole(kept._load_data, kept._data_path)
-
-
-def _in_turn(plain: Callable) -> Callable:
-    """Return numba's `save`, for one process at a time."""
-
-    def save(self: IndexDataCacheFile, key: object, data: object) -> None:
-        with _turn(Path(self._cache_path)):
-            try:
-                plain(self, key, data)
-            except OSError as error:
-                raise PlanningError(
-                    f"compiled loops cannot be kept in {self._cache_path}: "
-                    f"{error.strerror}; free some room, or set NUMBA_CACHE_DIR to a "
-                    "folder of your own that stays"
-                ) from error
-
-    return save
-
-
-def _sealed(plain: Callable) -> Callable:
-    """Return numba's `_open_for_write`, with a checksum behind what is written."""
-
-    @contextmanager
-    def opened(self: IndexDataCacheFile, path: str) -> Iterator[io.BytesIO]:
-        with plain(self, path) as file:
-            written = io.BytesIO()
-            yield written
-            file.write(written.getvalue() + _seal(written.getvalue()))
-
-    return opened
-
-
-def _if_whole(plain: Callable, path_of: Callable[..., str]) -> Callable:
-    """Return what loads a file of numba's, as if there was none where it is damaged."""
-
-    def load(self: IndexDataCacheFile, *name: str) -> object:
-        path = path_of(self, *name)
-        try:
-            if _is_whole(path):
-                return plain(self, *name)
-        except OSError:
-            raise
-        except Exception:  # unpickling half a file raises anything
-            pass
-        return _damaged(path, *name)
-
-    return load
+    """Have numba keep the machine code of all loops in files that are guarded."""
+    caching.IndexDataCacheFile = GuardedFile
 
 
 def _is_whole(path: str) -> bool:
@@ -158,13 +147,6 @@ def _is_whole(path: str) -> bool:
     data = Path(path).read_bytes() if os.path.exists(path) else b""
     above, seal, _ = data.rpartition(_SEAL)
     return not seal or data[len(above) :] == _seal(above)
-
-
-def _damaged(path: str, *name: str) -> dict:
-    """Say in numba's way that a list holds nothing, or that a file is not there."""
-    if name:
-        raise FileNotFoundError(f"{path} is damaged")
-    return {}
 
 
 def _seal(data: bytes) -> bytes:
