@@ -556,6 +556,76 @@ def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
     assert paid >= 3 and answered >= 1
 
 
+def test_a_planner_that_marked_points_anew_joins_goals_as_any_other(small_map, scenes):
+    """Frames and what was marked are counted apart: verdicts are of the latter."""
+    plain = odm.ReactivePlanner(small_map, True, settings=OFF)
+    again, owed = odm.ReactivePlanner(small_map, True, settings=OFF), 0
+    for planner in (plain, again):
+        planner.step(scenes[0].points, q=HOME)
+    again.set_extra_clearance(0.0)
+    assert again.memory.numbers.frame.item() > again.frame.number
+    for scene in scenes:
+        for planner in (plain, again):
+            planner.reset()
+            planner.set_goals([scene.ends[1]])
+        for _ in range(8):
+            one, other = scene.ask(plain), scene.ask(again)
+            assert one.path.tobytes() == other.path.tobytes()
+            assert str(one.work) == str(other.work)
+            assert plain.attacher.owes == again.attacher.owes
+            owed += plain.attacher.owes > 0
+    assert owed > 5
+
+
+def test_what_a_frame_joins_to_a_start_gets_its_cells_in_the_next_one(
+    small_map, scenes
+):
+    """That frame uses the motions as its close test has freed them."""
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    m, attacher, paid, used = planner.memory, planner.attacher, 0, 0
+    starts, pool = m.start_connections, m.pool
+    for scene in scenes:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        for _ in range(4):
+            answer = scene.ask(planner)
+            if attacher.owes_start:
+                break
+        if not attacher.owes_start:
+            continue
+        n = starts.count.item(0)
+        bare = np.flatnonzero(starts.ref[:n] == NO_ITEM)
+        assert attacher.is_bare and len(bare)
+        now = 4 * m.numbers.frame.item()
+        for k in bare.tolist():
+            dq = planner.frame.difference(
+                planner.frame.q, small_map.roadmap.nodes[starts.node[k]]
+            )
+            assert starts.memo[k] == now + FREE
+            assert planner.frame.motion_clear(planner.frame.q, dq)
+        if answer.status != "holding":
+            assert_free(small_map, answer.path, scene.balls)
+            used += 1
+        fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
+        fresh.load_memory(planner.save_memory())
+        again = scene.ask(planner)
+        assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
+        assert not differences(planner.save_memory(), fresh.save_memory())
+        assert answer.status == "holding" or again.status != "holding"
+        if attacher.owes_start:  # it was joined by more since
+            continue
+        refs = starts.ref[:n]
+        assert not attacher.is_bare and (refs >= 0).all()
+        nodes = small_map.roadmap.nodes[starts.node[:n]]
+        here = np.repeat(planner.frame.q[None], n, axis=0)
+        first = attacher.sweep(here, planner.frame.difference(here, nodes))
+        for two in zip(refs, range(first, first + n), strict=True):
+            cells = [slice(pool.begin[i], pool.end[i]) for i in two]
+            assert np.array_equal(*(pool.mask[part] for part in cells))
+        paid += 1
+    assert paid >= 3 and used >= 1
+
+
 def test_a_path_that_was_found_is_taken_before_more_nodes_are_joined(small_map, hard):
     planner, again = odm.ReactivePlanner(small_map, True), 0
     for scene in hard:
