@@ -8,7 +8,8 @@ import odm
 from odm import PlannerSettings, Sphere, surface_of
 from odm.exact.distances import ExactRobot, obstacles_of
 from odm.exact.fcl_robot import FclRobot
-from odm.planner.attaching import COSTS
+from odm.planner import decision
+from odm.planner.attaching import CELLS, COSTS
 from odm.planner.saved_memory import differences
 from odm.search._attach import WAITS, free_first
 from odm.search._bound import NO_EXIT_SIDE, START_SIDE
@@ -554,6 +555,29 @@ def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
         answered += answer.status != "holding"
         paid += 1
     assert paid >= 3 and answered >= 1
+
+
+@pytest.mark.parametrize("many", [True, False])
+def test_cells_of_a_goals_motions_wait_for_improve_beside_few_points(
+    small_map, scenes, monkeypatch, many
+):
+    if many:
+        monkeypatch.setattr(decision, "MANY_POINTS", 0)
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    attacher, seen = planner.attacher, 0
+    for scene in scenes:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        answers = [scene.ask(planner).status for _ in range(12)]
+        if "holding" not in answers or answers[-4:] != ["following"] * 4:
+            continue  # a goal was not joined by the frame, or not long ago
+        owed = attacher.owes
+        assert owed in ((0,) if many else (0, CELLS))
+        n = planner.memory.goals.number.item(0)
+        bare = (planner.memory.goals.ref[0, :n] == NO_ITEM).any()
+        assert bare == (owed == CELLS)
+        seen += 1 if many else owed == CELLS
+    assert seen >= 1
 
 
 def test_a_planner_that_marked_points_anew_joins_goals_as_any_other(small_map, scenes):
