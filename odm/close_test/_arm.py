@@ -40,6 +40,8 @@ class Work(NamedTuple):
     state: np.ndarray = array("i8", "bodies", FRAME)  # what solids leave of a body
     # what each sphere's centre, or its line, has between it and one shape
     gap: np.ndarray = array("f8", "spheres", FRAME)
+    # centres x, y and z of a body's spheres, and squared distances from a box
+    places: np.ndarray = array("f8", "4 spheres", FRAME)
     # centres at the start of an escape
     anchor: np.ndarray = array("f8", "spheres 3", FRAME)
     # sphere, point, tests, evaluations

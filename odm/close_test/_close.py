@@ -33,7 +33,7 @@ from roadmap.kinematics._forward import (
 FINE_SAG = 5e-4  # [m] the chord test may give away this much
 EARLY_SAG = 0.012  # [m] a coarser chord may free a body, but blocks none
 ESCAPE_SLACK = 1e-3  # [m] "no nearer than now" holds up to this
-MANY = 24  # boxes or points that are measured several at once, before one by one
+MANY = 8  # boxes or points that are measured several at once, before one by one
 BALL_ROUNDING = 1e-9  # [m] by which a body's ball is larger than computed
 FIRST_SOLID = -2  # stands for solid 0 where a point's index is told, -3 for solid 1
 
@@ -196,6 +196,45 @@ def threshold(radius, i, px, py, pz, escape, anchor):
     return min(radius, max(0.0, now - ESCAPE_SLACK))
 
 
+@njit(**BARE_INNER)
+def place_spheres(spheres, first, last, frame, places):
+    """Write where a body with a frame (12,) has its spheres' centres; no branch.
+
+    Of spheres first to last - 1 (n, 4), to the first three rows of `places` (4, n).
+    """
+    flat, x, n = in_line(spheres), in_line(places), np.uint64(places.shape[1])
+    f0, f1, f2, f3, f4, f5 = frame[0], frame[1], frame[2], frame[3], frame[4], frame[5]
+    f6, f7, f8 = frame[6], frame[7], frame[8]
+    f9, f10, f11 = frame[9], frame[10], frame[11]
+    for i in range(np.uint64(first), np.uint64(last)):
+        k = np.uint64(4) * i
+        px, py, pz = flat[k], flat[k + np.uint64(1)], flat[k + np.uint64(2)]
+        x[i] = f0 * px + f1 * py + f2 * pz + f9
+        x[i + n] = f3 * px + f4 * py + f5 * pz + f10
+        x[i + n + n] = f6 * px + f7 * py + f8 * pz + f11
+
+
+@njit(**BARE_INNER)
+def any_at_box(places, first, last, box, radii, speed, share):
+    """Return True if any of spheres first to last - 1 may come near a box (6,).
+
+    Within its radius and `share` of its speed. The squared distances of their centres,
+    which `place_spheres` wrote to `places`, go to its last row. No branch.
+    """
+    x, n, found = in_line(places), np.uint64(places.shape[1]), 0
+    b0, b1, b2, b3, b4, b5 = box[0], box[1], box[2], box[3], box[4], box[5]
+    for i in range(np.uint64(first), np.uint64(last)):
+        cx, cy, cz = x[i], x[i + n], x[i + n + n]
+        dx = max(0.0, max(b0 - cx, cx - b3))
+        dy = max(0.0, max(b1 - cy, cy - b4))
+        dz = max(0.0, max(b2 - cz, cz - b5))
+        d2 = dx * dx + dy * dy + dz * dz
+        x[i + n + n + n] = d2
+        far = radii[i] + speed[i] * share
+        found += not d2 >= far * far
+    return found > 0
+
+
 @njit(**INNER)
 def body_at(clearance, b, frame, half, cloud, escape):
     """Test body b at one configuration; 0 free, 1 undecided, 2 blocked by a point."""
@@ -203,24 +242,35 @@ def body_at(clearance, b, frame, half, cloud, escape):
     near = arm.bound[b, 3] + work.body_radius[b]
     reach = near + work.body_speed[b] * half
     wx, wy, wz = place_of(frame, arm.bound[b])
-    result = 0
-    for at in range(list_near(cloud, wx, wy, wz, reach)):
+    result, places = 0, work.places
+    n_near = list_near(cloud, wx, wy, wz, reach)
+    if n_near == 0:
+        return 0
+    first, last = arm.body_ptr[b], arm.body_ptr[b + 1]
+    place_spheres(arm.spheres, first, last, frame, places)
+    for at in range(n_near):
         k = cloud.near[at]
         if cloud.away[k] >= reach * reach:
             continue
         begin, end = cloud.start[k], cloud.start[k + 1]
-        for i in range(arm.body_ptr[b], arm.body_ptr[b + 1]):
-            s = arm.spheres[i]
-            cx, cy, cz = place_of(frame, s)
-            # once the interval is undecided, only a blocking point changes that
+        # once the interval is undecided, only a blocking point changes that
+        share = half if result == 0 else 0.0
+        if not any_at_box(places, first, last, cloud.box[k], radii, work.speed, share):
+            continue
+        for i in range(first, last):
             travel = work.speed[i] * half if result == 0 else 0.0
             far = radii[i] + travel
-            if box_distance2(cx, cy, cz, cloud.box[k]) >= far * far:
+            if places[3, i] >= far * far:
                 continue
+            cx, cy, cz = places[0, i], places[1, i], places[2, i]
             if end - begin >= MANY:
-                place = cx, cy, cz
+                place, r = (cx, cy, cz), radii[i]
                 if not any_within(cloud.xyz, begin, end, place, far * far):
                     continue
+                if result == 0 and not escape:
+                    if not any_within(cloud.xyz, begin, end, place, r * r):
+                        result, reach = 1, near
+                        continue
             for p in range(begin, end):
                 px, py, pz = cloud.xyz[p, 0], cloud.xyz[p, 1], cloud.xyz[p, 2]
                 dx, dy, dz = px - cx, py - cy, pz - cz

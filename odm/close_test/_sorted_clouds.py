@@ -1,5 +1,7 @@
 """Points laid out for the close test: all, also outside the grid, or those near."""
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -117,8 +119,15 @@ def pick_near(clearance, q, dq, cloud, pick, points):
         reach += 0.5 * work.body_speed[b] + 0.125 * work.body_bend[b]
         for at in range(list_near(cloud, x, y, z, reach)):
             pick.words[cloud.occupied[cloud.near[at]]] = ALL_CELLS
+    pick_marked(cloud, pick, points)
+    return True
+
+
+@njit(**INNER)
+def pick_marked(cloud, pick, points):
+    """Collect the points of the blocks that `pick` has, in the order of sorted ones."""
     count = 0
-    for k in range(cloud.counts[N_LISTED]):  # in the order of sorted points
+    for k in range(cloud.counts[N_LISTED]):
         b = cloud.occupied[k]
         if pick.words[b] != 0:
             pick.occupied[count] = b
@@ -126,4 +135,35 @@ def pick_near(clearance, q, dq, cloud, pick, points):
             count += 1
     pick.counts[N_OCCUPIED] = count
     pick_points(pick, cloud, points)
+
+
+@njit(**INNER)
+def pick_reached(clearance, reach, cloud, pick, points):
+    """Collect the points of all blocks that the robot can come near in any place.
+
+    `reach` tells how far blocks are from the axis that all of the robot turns about.
+    No sphere's centre is farther from it than `Arm.reach` says, so what lies beyond
+    that and the sphere's radius can be in the way of nothing. The rest, such as most of
+    a wall behind a person, is neither laid out nor looked at.
+
+    Returns:
+        False where nothing can be said: there is no such axis, or a radius is not
+        finite.
+    """
+    arm, radii, far, b = clearance.arm, clearance.radii, 0.0, reach.body[0]
+    if b < 0:
+        return False
+    for i in range(arm.spheres.shape[0]):
+        most = arm.reach[i, b] + radii[i]
+        if not most < math.inf:
+            return False
+        far = max(far, most)
+    if cloud.counts[LAYOUT] == AS_GIVEN:
+        link_points(cloud)
+    clear(pick)
+    for k in range(cloud.counts[N_LISTED]):
+        block = cloud.occupied[k]
+        if not reach.away[block] >= far:
+            pick.words[block] = ALL_CELLS
+    pick_marked(cloud, pick, points)
     return True

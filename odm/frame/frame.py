@@ -488,7 +488,8 @@ class Frame:
         memory = self.memory
         memory.owner.check()
         grid, capacity = self.cell_map.grid, max(capacity, len(memory.cloud.where))
-        exchange(memory, {n: grid.new_cloud(capacity) for n in ("cloud", "picked")})
+        clouds = "cloud", "picked", "reached"
+        exchange(memory, {n: grid.new_cloud(capacity) for n in clouds})
         self.mark()
 
     def _buffer_for(self, n: int) -> np.ndarray:

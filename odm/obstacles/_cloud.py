@@ -39,12 +39,14 @@ class Cloud(NamedTuple):
     # scratch: coordinates of a chunk's points, in whole cells from the corner
     steps: np.ndarray = array("i4", f"{3 * CHUNK}", FRAME)
     # occupied blocks, points inside, outside, bad, how they are laid out, and of the
-    # close test: the first points, and the first occupied blocks, which hold them; and
-    # how often points were looked up by what they may be near
-    counts: np.ndarray = array("i8", "8", FRAME)
+    # close test: the first points, and the first occupied blocks, which hold them; how
+    # often points were looked up by what they may be near; and 1 once those are laid
+    # out that the robot can come near at all
+    counts: np.ndarray = array("i8", "9", FRAME)
 
 
-N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, LAYOUT, N_GIVEN, N_LISTED, N_LOOKED = range(8)
+N_OCCUPIED, N_INSIDE, N_OUTSIDE, N_BAD, LAYOUT, N_GIVEN, N_LISTED = range(7)
+N_LOOKED, ARE_REACHED = 7, 8
 # how points are laid out: not at all; by block; each names the next one of its block
 AS_GIVEN, SORTED, LINKED = range(3)
 

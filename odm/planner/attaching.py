@@ -47,11 +47,13 @@ class Attacher(Remembering):
         start_waits: Whether the start lacks motions yet; see `attach_more`.
         is_bare: Whether the start's motions lack their cells yet; see `sweep_cells`.
         owes: What goals' motions that a frame joined lack: COSTS, then CELLS; 0: none.
+        owes_start: Whether motions that a frame joined the start by lack their cells.
     """
 
     REMEMBERED = (
         "goals", "next_vertex", "without_cells", "is_stale", "start_waits", "is_bare",
-        "owes", "_passes", "_path_first", "_rounds", "_direct_from", "_refused",
+        "owes", "owes_start", "_passes", "_path_first", "_rounds", "_direct_from",
+        "_refused",
     )  # fmt: skip
 
     def __init__(
@@ -94,7 +96,7 @@ class Attacher(Remembering):
         self.next_vertex = self.roadmap.n_nodes + 1
         # nodes that the start or a goal may yet be joined with, by its vertex
         self._later: dict[int, np.ndarray] = {}
-        self.start_waits = self.is_bare = False
+        self.start_waits = self.is_bare = self.owes_start = False
         self.owes = 0
         self._path_first = 0  # tests that the path has yet before the motions
         self._refused = _NONE  # nodes that the start cannot go to: what stands still
@@ -243,7 +245,7 @@ class Attacher(Remembering):
         goals.memo[g, k:n], goals.blocked_at[g, k:n] = 0, -1.0
         goals.at[g, ids] = np.arange(k, n)
         if owed:
-            goals.memo[g, k:n] = 4 * self.frame.number + MAYBE
+            goals.memo[g, k:n] = 4 * m.numbers.frame.item() + MAYBE
             self.owes = COSTS
         else:
             self._lower_costs(g, k)
@@ -262,7 +264,12 @@ class Attacher(Remembering):
         """Do what is owed next for the motions into goals that a frame joined.
 
         First they lower the costs to go, then they get their cells: one in a frame.
+        Before them the start's motions get theirs.
         """
+        if self.owes_start:
+            self.sweep_cells(len(self.frame.memory.start_connections.node))
+            self.owes_start = False
+            return
         goals, owed, self.owes = self.frame.memory.goals, self.owes, self.owes - 1
         for g in range(len(self.goals)):
             bare = np.flatnonzero(goals.ref[g, : goals.number[g]] == kinds.NO_ITEM)
@@ -276,7 +283,7 @@ class Attacher(Remembering):
             self._set_cost_to_any(len(self.goals))
 
     def _pay_all(self) -> None:
-        while self.owes:
+        while self.owes or self.owes_start:
             self.pay()
 
     def _sweep_into(self, g: int, first: int) -> None:
@@ -420,7 +427,7 @@ class Attacher(Remembering):
             vertex, looks = m.goals.count.item(1), self.settings.waiting_tests
             free, _ = self._free_first(vertex, self.q_attached, looks)
             if free:
-                done = self._more_of_start(min(free, left))
+                done = self._free_start(min(free, left))
                 self.start_waits, left = done > 0, left - done
         looks = self.settings.waiting_tests
         for g in range(number, number + n):
@@ -438,14 +445,31 @@ class Attacher(Remembering):
                     self._set_cost_to_any(n)
         return most - left
 
+    def _free_start(self, most: int) -> int:
+        """Join the start by up to `most` motions that this frame has found free.
+
+        Beside points, where `improve` does not sweep cells first, they are used so now,
+        and get their cells in the next frame. Returns how many nodes were tried.
+        """
+        m, starts = self.frame.memory, self.frame.memory.start_connections
+        had = starts.count.item(0)
+        if self._asks_close_test and self.frame.n_given > 0 and not self.is_bare:
+            self.is_bare = self.owes_start = True
+        done = self._more_of_start(most)
+        if self.is_bare:
+            now = slice(had, starts.count.item(0))
+            starts.memo[now] = 4 * m.numbers.frame.item() + FREE
+        return done
+
     def _is_shut(self, g: int) -> bool:
         """Whether no motion into goal g is free in this frame.
 
         Then the search goes from the goal: see `search_to`.
         """
-        goals, n = self.frame.memory.goals, self.frame.memory.goals.number.item(g)
-        free = (goals.memo[g, :n] == 4 * self.frame.number + FREE).any()
-        asked = self._asks_close_test and not self.frame.memory.numbers.joint_costs[0]
+        m = self.frame.memory
+        n, now = m.goals.number.item(g), m.numbers.frame.item()
+        free = (m.goals.memo[g, :n] == 4 * now + FREE).any()
+        asked = self._asks_close_test and not m.numbers.joint_costs[0]
         return bool(n > 0 and asked and not free)
 
     @property
@@ -508,6 +532,7 @@ class Attacher(Remembering):
         """Drop the attached start."""
         self.q_attached[:] = np.nan
         self._attached_key, self.start_waits, self.is_bare = b"", False, False
+        self.owes_start = False
         self._refused = _NONE
         self._path_first = 0
         self._later.pop(int(self.frame.memory.goals.count[1]), None)
@@ -594,6 +619,7 @@ class Attacher(Remembering):
         m = self.frame.memory
         self.is_bare = self.can_wait_for_cells and not without_cells
         self.without_cells, self.start_waits = without_cells, not without_cells
+        self.owes_start = False
         self._passes = passes
         self._path_first = self.settings.path_first
         if not self.is_at(q):
@@ -605,7 +631,7 @@ class Attacher(Remembering):
         m.goals.count[2] = m.goals.count[1] + 1
         self.new_vertex()
         self._set_beyond(True)
-        self.distances(q)
+        m.robot_state.from_attached[:] = self.distances(q)
         m.start_connections.count[0] = 0
         self._attach_direct()
         if without_cells:
@@ -960,5 +986,7 @@ class Attacher(Remembering):
         rows = np.split(saved["later"], np.cumsum(saved["later_sizes"]))[:-1]
         self._later = {int(row[0]): row[1:].copy() for row in rows}
         known = not np.isnan(self.q_attached).any()
+        if known:
+            self.distances(self.q_attached, self.frame.memory.robot_state.from_attached)
         self._attached_key = self.q_attached.tobytes() if known else b""
         self.kept.load({k[5:]: a for k, a in saved.items() if k.startswith("kept_")})

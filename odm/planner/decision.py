@@ -41,6 +41,8 @@ JOIN = {
     (BETTER_GOAL, JUMPED, NOTHING): FEW,
 }
 
+# of a frame, beside which a close test takes so long that cells are swept in a frame
+MANY_POINTS = 4000
 _NO_TIME = math.nan
 _SEGMENT, _PLANNED = step.SEGMENT, step.PLANNED  # which every frame asks for
 
@@ -105,8 +107,10 @@ class Decision(Remembering):
         attacher, self.only_seen, self.joined = self.attacher, False, False
         if attacher.is_stale:
             attacher.forget_all()
-        elif attacher.owes and (attacher.owes == COSTS or self.path.followed):
-            attacher.pay()  # cells only save tests: where there is a path
+        elif attacher.owes_start or attacher.owes == COSTS:
+            attacher.pay()
+        elif attacher.owes and self.path.followed and self.frame.n_given > MANY_POINTS:
+            attacher.pay()  # cells only save tests: `improve` sweeps them, else
         first = self.new_goals or (attacher.without_cells and not self.path.followed)
         self._joins_first = first
         return not (first or self.is_tight)

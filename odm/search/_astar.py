@@ -31,6 +31,7 @@ from odm.search._judge import can_enter, goal_motion_clear, start_clear
 from odm.search._paths import apart2
 from odm.search._recent import TOLL, TOLLED, item_in_avoided, ref_in_avoided
 from odm.search._state import EDGE_BASE, view
+from roadmap.compiling._rows import same_row
 from roadmap.compiling.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
@@ -424,22 +425,30 @@ def a_star(state, starts, only, most):
 
 
 @njit(**INNER)
-def straight_to_robot(state, v):
-    """Return the weighted length of the straight motion from node v to the robot."""
+def straight_to_robot(state, v, known):
+    """Return the weighted length of the straight motion from node v to the robot.
+
+    `known`: the robot is where it was attached last.
+    """
     robot = view(state, "robot_state")
+    if known:
+        return robot.from_attached[v]
     return math.sqrt(apart2(view(state, "graph").nodes[v], robot.q, robot))
 
 
 @njit(**INNER)
-def add_ends(state, g, weight):
-    """Begin the open list with the motions into goal g, what is left `weight` times."""
+def add_ends(state, g, weight, known):
+    """Begin the open list with the motions into goal g, what is left `weight` times.
+
+    `known` as of `straight_to_robot`.
+    """
     search, goals = view(state, "search"), view(state, "goals")
     maybe = 4 * view(state, "numbers").frame[0] + MAYBE
     search.made[0] = search.waiting[0] = 0
     for a in range(goals.number[g]):
         if goal_motion_free(state, g, a) or goals.memo[g, a] == maybe:
             v, length = np.int64(goals.node[g, a]), goals.length[g, a]
-            f = length + weight * straight_to_robot(state, v)
+            f = length + weight * straight_to_robot(state, v, known)
             add_entry(search, v, -2 - a, -1, length, f)
 
 
@@ -481,10 +490,10 @@ def toll_back(state, starts, g, entry):
 
 
 @njit(**INNER)
-def expand_back(state, starts, entry, weight):
+def expand_back(state, starts, entry, weight, known):
     """Add the edges that lead to a vertex, and the robot's motions to it.
 
-    False where there is no room for them.
+    False where there is no room for them. `known` as of `straight_to_robot`.
     """
     graph, search = view(state, "graph"), view(state, "search")
     frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
@@ -503,7 +512,7 @@ def expand_back(state, starts, entry, weight):
         if search.flood[w] == run or search.memo[w] == 2 * frame + 1:
             continue
         length = g_v + graph.adj_length[k]
-        f = length + weight * straight_to_robot(state, w)
+        f = length + weight * straight_to_robot(state, w, known)
         add_entry(search, w, EDGE_BASE - graph.adj_edge[k], entry, length, f)
     return True
 
@@ -542,7 +551,9 @@ def from_goal(state, starts, g, most, weight):
     numbers.run[0] += 1
     stats.runs[0] += 1
     n, run = view(state, "graph").adj_ptr.shape[0] - 1, numbers.run[0]
-    add_ends(state, g, weight)
+    robot = view(state, "robot_state")
+    known = same_row(robot.q, robot.q_attached)
+    add_ends(state, g, weight, known)
     opens, popped, many = search.waiting[0] > 0, 0, tests_worth_refreshing(state)
     search.hasty[0] = 1  # `done` knows nothing of it
     while search.waiting[0] > 0:
@@ -576,7 +587,7 @@ def from_goal(state, starts, g, most, weight):
         if weight > 1.0 and popped % GREEDIER_EVERY == 0:
             grow_greedy(search)
             weight *= GREED
-        if not expand_back(state, starts, entry, weight):
+        if not expand_back(state, starts, entry, weight, known):
             return UNDECIDED
     numbers.exhausted[0] = GOAL_SIDE if opens else 0
     return NONE

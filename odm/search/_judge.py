@@ -5,8 +5,15 @@ from numba import njit
 
 from odm.cell_map._packed import ON, word_of
 from odm.close_test._close import FIRST_SOLID, displacement, place_clear, set_point
-from odm.close_test._sorted_clouds import pick_near
-from odm.obstacles._cloud import LAYOUT, N_LISTED, N_LOOKED, N_OCCUPIED, SORTED
+from odm.close_test._sorted_clouds import pick_near, pick_reached
+from odm.obstacles._cloud import (
+    ARE_REACHED,
+    LAYOUT,
+    N_LISTED,
+    N_LOOKED,
+    N_OCCUPIED,
+    SORTED,
+)
 from odm.obstacles._occupancy import clear, pick_points, sort_points
 from odm.obstacles._solids import inner_radius, solid_distance
 from odm.search._items import (
@@ -25,26 +32,44 @@ from roadmap.compiling._rows import copy_row, same_row
 from roadmap.compiling.jit_options import INNER, LEAN
 from roadmap.kinematics._forward import body_frames, place_of
 
-FEW = 4  # motions of a frame whose points are looked up; to sort all takes as long
+FEW = 4  # places of a frame whose points are looked up; to lay out all takes as long
 
 
 @njit(**INNER)
 def points_near(state, q, dq):
     """Return all of the frame's points that may be in the way of a motion.
 
-    For the first few motions of a frame these are looked up, then all are sorted.
+    For the first few places of a frame these are looked up. A motion, which may come
+    near to most of them, and what is asked later, gets all that the robot can reach.
     """
     cloud, points = view(state, "cloud"), view(state, "seen").points
     if cloud.counts[N_LISTED] == 0 or cloud.counts[LAYOUT] == SORTED:
         return cloud
+    if cloud.counts[ARE_REACHED] != 0:
+        return view(state, "reached")
+    clearance = clearance_of(state)
     # with extra clearance points count that lie beside the block that they are in
-    if cloud.counts[N_LOOKED] < FEW and not view(state, "terms").extra[0] > 0.0:
-        cloud.counts[N_LOOKED] += 1
-        picked = view(state, "picked")
-        if pick_near(clearance_of(state), q, dq, cloud, picked, points):
-            return picked
+    if not view(state, "terms").extra[0] > 0.0:
+        if cloud.counts[N_LOOKED] < FEW and rests(dq):
+            cloud.counts[N_LOOKED] += 1
+            picked = view(state, "picked")
+            if pick_near(clearance, q, dq, cloud, picked, points):
+                return picked
+        reached = view(state, "reached")
+        if pick_reached(clearance, view(state, "reach"), cloud, reached, points):
+            cloud.counts[ARE_REACHED] = 1
+            return reached
     sort_points(points, cloud)
     return cloud
+
+
+@njit(**INNER)
+def rests(dq):
+    """Return True if a displacement is none."""
+    for j in range(dq.shape[0]):
+        if dq[j] != 0.0:
+            return False
+    return True
 
 
 @njit(**INNER)

@@ -390,6 +390,15 @@ class Terms(NamedTuple):
     widest: np.ndarray = array("f8")  # radius of the robot's largest sphere
 
 
+class Reach(NamedTuple):
+    """How far blocks are from the axis that all of the robot turns about."""
+
+    # that of the joint of this body; -1: there is none
+    body: np.ndarray = array("i8", "1")
+    # least distance of any place in a block from it [m]
+    away: np.ndarray = array("f8", "blocks")
+
+
 class Slacks(NamedTuple):
     """Motions that were measured, and what they had to spare; see `_slack.py`."""
 
@@ -481,6 +490,8 @@ class RobotState(NamedTuple):
     h_any: np.ndarray = array("f8", "n", GOAL)
     # configuration that was attached last
     q_attached: np.ndarray = array("f8", "dof", GOAL, np.nan)
+    # weighted length of the straight motion from there to each node
+    from_attached: np.ndarray = array("f8", "n", FRAME)
     q: np.ndarray = array("f8", "dof", FRAME, np.nan)  # present configuration
     # that of the frame before
     before: np.ndarray = array("f8", "dof", GOAL, np.nan)
@@ -501,6 +512,8 @@ class Groups:
     solids: Solids  # the frame's shapes
     patterns: Patterns  # what their samples are made from
     picked: Cloud  # those of them inside the cells of one motion
+    reached: Cloud  # those of them that the robot can come near
+    reach: Reach
     graph: Graph
     direct: Direct
     pool: Pool

@@ -8,6 +8,7 @@ from odm._groups import block_type, check, declared, named_in, new
 from odm.cell_map.cell_map import CellLists, CellMap
 from odm.checks import MAX_GOALS
 from odm.close_test._arm import Arm, make_work
+from odm.obstacles.grid import WorkspaceGrid
 from odm.owner import Owner, refuse_copy
 from odm.search import _invalidation as invalidation
 from odm.search._items import sign_items
@@ -21,6 +22,7 @@ from odm.search._state import (
     Graph,
     Groups,
     Pool,
+    Reach,
     RobotState,
     Stats,
     Terms,
@@ -29,9 +31,12 @@ from odm.search._state import (
 )
 from roadmap.errors import BadInput
 from roadmap.graph.roadmap import Roadmap
+from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics.forward import motion_per_joint
 
 MAX_ATTACHMENTS = 48
+# [m] a robot whose joints slide may be so much beside its limits and reach farther
+BEYOND_LIMITS = 0.01
 # lengths of arrays by the names in `odm/search/_state.py`; shortcuts: a power of two
 _SIZES = {
     "goals": MAX_GOALS,
@@ -183,6 +188,8 @@ def lay_out(cell_map: CellMap, point_capacity: int) -> Memory:
         "work": make_work(arm, dof),
         "cloud": grid.new_cloud(point_capacity),
         "picked": grid.new_cloud(point_capacity),
+        "reached": grid.new_cloud(point_capacity),
+        "reach": reach_on(arm, grid),
         "graph": graph,
         "direct": direct,
         "pool": new(Pool, sizes, block=block),
@@ -254,6 +261,38 @@ def point_motion_bounds(arm: Arm, dof: int) -> np.ndarray:
     turning = arm.tree_i[:, 2] == 1
     reach = arm.reach + arm.spheres[:, 3:] * turning
     return center_motion_bounds(arm._replace(reach=reach), dof)
+
+
+def reach_on(arm: Arm, grid: WorkspaceGrid) -> Reach:
+    """Return how far the blocks of a grid are from the axis that the robot turns about.
+
+    It is that of the first joint, if that turns and all that has spheres turns with it.
+    """
+    n, parents = len(arm.tree_i), arm.tree_i[:, 0]
+    away = np.zeros(grid.n_blocks)
+    turning = [b for b in range(1, n) if arm.tree_i[b, 2] == 1 and parents[b] == 0]
+    if arm.tree_i[0, 2] != 0 or len(turning) != 1:
+        return Reach(np.array([-1]), away)
+    b = turning[0]
+    with_it = np.zeros(n, np.bool_)
+    with_it[b] = True
+    for k in range(b + 1, n):
+        with_it[k] = with_it[parents[k]]
+    if not with_it[arm.body].all():
+        return Reach(np.array([-1]), away)
+    frames = np.empty((n, 12))
+    body_frames(arm.tree_i, arm.tree_f, np.zeros(1 + arm.tree_i[:, 1].max()), frames)
+    along = frames[b, :9].reshape(3, 3) @ arm.tree_f[b, 12:15]
+    along /= np.linalg.norm(along)
+    side = 4.0 * grid.h
+    middle = grid.origin + side * (0.5 + np.indices(grid.blocks).reshape(3, -1).T)
+    beside = middle - frames[b, 9:]
+    beside -= (beside @ along)[:, None] * along
+    far = np.linalg.norm(beside, axis=1)
+    # a plane across the way from the axis to the middle has the whole block behind it
+    lean = np.abs(beside).sum(axis=1) / np.maximum(far, 1e-9)
+    away[:] = far - 0.5 * side * lean - BEYOND_LIMITS
+    return Reach(np.array([b]), away)
 
 
 class DirectMap:

@@ -15,10 +15,13 @@ from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import N_INSIDE, N_LISTED
 from roadmap.kinematics.forward import difference
 
+any_at_box = with_wrapper(close.any_at_box)
 any_beside = with_wrapper(close.any_beside)
 any_within = with_wrapper(close.any_within)
+body_at = with_wrapper(close.body_at)
 body_chord = with_wrapper(close.body_chord)
 list_near = with_wrapper(close.list_near)
+place_spheres = with_wrapper(close.place_spheres)
 prepare_motion = with_wrapper(close.prepare_motion)
 
 
@@ -100,6 +103,70 @@ def test_what_is_not_a_number_is_within_any_distance(rng):
             said = any_within(xyz, begin, end, (0.0, 0.0, 0.0), far2)
             assert said == (d2 < far2).any()
     assert any_within(xyz, 0, 50, (np.nan, 0.0, 0.0), 1e-6)
+
+
+def test_spheres_near_a_box_are_found_as_one_by_one(small_map, rng):
+    arm, work = small_map.arm, work_of(small_map)
+    n, places, found = len(arm.spheres), work.places, 0
+    for k in range(200):
+        first, last = sorted(rng.integers(0, n + 1, 2))
+        R = Rotation.random(random_state=rng).as_matrix()
+        frame = np.array([*R.ravel(), *rng.uniform(-1.0, 1.0, 3)])
+        place_spheres(arm.spheres, first, last, frame, places)
+        at = arm.spheres[first:last, :3] @ R.T + frame[9:]
+        assert places[:3, first:last].T == pytest.approx(at, abs=1e-12)
+        box = np.concatenate([frame[9:] + rng.uniform(-0.25, 0.25, 3), np.zeros(3)])
+        box[3:] = box[:3] + rng.uniform(0.0, 0.16, 3)
+        radii, speed = rng.uniform(0.0, 0.2, (2, n))
+        share = rng.choice([0.0, 0.5])
+        over = np.maximum(np.maximum(box[:3] - at, at - box[3:]), 0.0)
+        d2 = (over**2).sum(axis=1)
+        near = d2 < (radii + share * speed)[first:last] ** 2
+        said = any_at_box(places, first, last, box, radii, speed, share)
+        assert said == near.any()
+        assert places[3, first:last] == pytest.approx(d2, abs=1e-12)
+        found += said
+        if first < last:
+            radii[first + k % (last - first)] = np.nan  # no number is near
+            assert any_at_box(places, first, last, box, radii, speed, share)
+    assert 50 < found < 190
+
+
+def test_a_body_at_a_place_is_judged_as_by_each_point(small_map, rng):
+    """0 free, 1 open, 2 blocked; also which sphere and point are told."""
+    arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
+    clearance = Clearance(arm, radii, radii, 0.01, work)
+    b = len(arm.body_ptr) - 2
+    part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
+    work.body_radius[b] = radii[part].max()
+    counted = np.zeros(3, np.int64)
+    for _ in range(400):
+        R = Rotation.random(random_state=rng).as_matrix()
+        frame = np.array([*R.ravel(), *rng.uniform(-0.4, 0.4, 3)])
+        work.speed[part] = rng.uniform(0.0, 0.3)
+        work.body_speed[b] = work.speed[part].max()
+        points = frame[9:] + rng.normal(size=(rng.integers(1, 12), 3)) * 0.15
+        if rng.random() < 0.6:  # blocks of many points, which are measured at once
+            points = np.repeat(points[:5], 40, axis=0)
+            points += rng.uniform(-0.01, 0.01, points.shape)
+        points = points[occupied_mask(small_map, points)]
+        cloud = cloud_of(small_map, points)
+        said = body_at(clearance, b, frame, 0.5, cloud, False)
+        at = arm.spheres[part, :3] @ R.T + frame[9:]
+        gaps = np.linalg.norm(points[None] - at[:, None], axis=2) - radii[part, None]
+        near = (gaps < 0.5 * work.speed[part, None]).any()
+        want = 2 if (gaps < 0.0).any() else int(near)
+        assert said == want
+        counted[said] += 1
+        if said == 2:
+            i, p = work.found[:2]
+            blocked = gaps[i - part.start] < 0.0
+            mine = np.flatnonzero(blocked)
+            assert blocked[p] and work.value[1] < radii[i]
+            block = small_map.grid.locate(points) // 4
+            same = (block[mine] == block[p]).all(axis=1)
+            assert p == mine[same].min()  # the first one of its block
+    assert counted.min() > 40
 
 
 def test_points_beside_a_chord_are_found_as_one_by_one(rng):

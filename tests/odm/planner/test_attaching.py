@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from small import AWAY, HOME, NOBODY, draw_arm
+from small import AWAY, HOME, NOBODY, draw_arm, draw_valid
 
 import odm
 from odm.answer import HOLDING
 from odm.planner.settings import AttachSettings, PlannerSettings
 from odm.search import _cost_to_go as cost_to_go
 from odm.search._state import NO_ITEM
-from roadmap.kinematics.forward import tool_pose
+from roadmap.kinematics.forward import difference, tool_pose
 
 ATTACH = AttachSettings()
 PLAIN = PlannerSettings(search=0, history_s=0.0)
@@ -220,3 +220,22 @@ def test_a_robot_that_moves_leaves_by_no_motion_close_past_somebody(small_map):
         seen.append((any(wide), all(wide)))
     assert (True, False) not in seen
     assert {(True, True), (False, False)} <= set(seen)
+
+
+def test_how_far_nodes_are_is_known_of_the_place_attached_last(small_map, rng):
+    roadmap, robot = small_map.roadmap, small_map.robot
+    planner = odm.ReactivePlanner(small_map, always_replan=True)
+    nothing = np.zeros((0, 3))
+    for _ in range(5):
+        planner.set_goals([draw_valid(planner, rng)])
+        q = draw_valid(planner, rng)
+        planner.step(nothing, q=q)
+        known = planner.memory.robot_state
+        assert np.array_equal(known.q_attached, q)
+        legs = difference(robot, np.repeat(q[None], roadmap.n_nodes, 0), roadmap.nodes)
+        far = np.linalg.norm(legs * roadmap.weights, axis=1)
+        assert known.from_attached == pytest.approx(far, rel=1e-12)
+        fresh = odm.ReactivePlanner(small_map, always_replan=True)
+        fresh.load_memory(planner.save_memory())
+        loaded = fresh.memory.robot_state.from_attached
+        assert loaded.tobytes() == known.from_attached.tobytes()

@@ -8,7 +8,8 @@ import odm
 from odm import PlannerSettings, Sphere, surface_of
 from odm.exact.distances import ExactRobot, obstacles_of
 from odm.exact.fcl_robot import FclRobot
-from odm.planner.attaching import COSTS
+from odm.planner import decision
+from odm.planner.attaching import CELLS, COSTS
 from odm.planner.saved_memory import differences
 from odm.search._attach import WAITS, free_first
 from odm.search._bound import NO_EXIT_SIDE, START_SIDE
@@ -554,6 +555,99 @@ def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
         answered += answer.status != "holding"
         paid += 1
     assert paid >= 3 and answered >= 1
+
+
+@pytest.mark.parametrize("many", [True, False])
+def test_cells_of_a_goals_motions_wait_for_improve_beside_few_points(
+    small_map, scenes, monkeypatch, many
+):
+    if many:
+        monkeypatch.setattr(decision, "MANY_POINTS", 0)
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    attacher, seen = planner.attacher, 0
+    for scene in scenes:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        answers = [scene.ask(planner).status for _ in range(12)]
+        if "holding" not in answers or answers[-4:] != ["following"] * 4:
+            continue  # a goal was not joined by the frame, or not long ago
+        owed = attacher.owes
+        assert owed in ((0,) if many else (0, CELLS))
+        n = planner.memory.goals.number.item(0)
+        bare = (planner.memory.goals.ref[0, :n] == NO_ITEM).any()
+        assert bare == (owed == CELLS)
+        seen += 1 if many else owed == CELLS
+    assert seen >= 1
+
+
+def test_a_planner_that_marked_points_anew_joins_goals_as_any_other(small_map, scenes):
+    """Frames and what was marked are counted apart: verdicts are of the latter."""
+    plain = odm.ReactivePlanner(small_map, True, settings=OFF)
+    again, owed = odm.ReactivePlanner(small_map, True, settings=OFF), 0
+    for planner in (plain, again):
+        planner.step(scenes[0].points, q=HOME)
+    again.set_extra_clearance(0.0)
+    assert again.memory.numbers.frame.item() > again.frame.number
+    for scene in scenes:
+        for planner in (plain, again):
+            planner.reset()
+            planner.set_goals([scene.ends[1]])
+        for _ in range(8):
+            one, other = scene.ask(plain), scene.ask(again)
+            assert one.path.tobytes() == other.path.tobytes()
+            assert str(one.work) == str(other.work)
+            assert plain.attacher.owes == again.attacher.owes
+            owed += plain.attacher.owes > 0
+    assert owed > 5
+
+
+def test_what_a_frame_joins_to_a_start_gets_its_cells_in_the_next_one(
+    small_map, scenes
+):
+    """That frame uses the motions as its close test has freed them."""
+    planner = odm.ReactivePlanner(small_map, True, settings=OFF)
+    m, attacher, paid, used = planner.memory, planner.attacher, 0, 0
+    starts, pool = m.start_connections, m.pool
+    for scene in scenes:
+        planner.reset()
+        planner.set_goals([scene.ends[1]])
+        for _ in range(4):
+            answer = scene.ask(planner)
+            if attacher.owes_start:
+                break
+        if not attacher.owes_start:
+            continue
+        n = starts.count.item(0)
+        bare = np.flatnonzero(starts.ref[:n] == NO_ITEM)
+        assert attacher.is_bare and len(bare)
+        now = 4 * m.numbers.frame.item()
+        for k in bare.tolist():
+            dq = planner.frame.difference(
+                planner.frame.q, small_map.roadmap.nodes[starts.node[k]]
+            )
+            assert starts.memo[k] == now + FREE
+            assert planner.frame.motion_clear(planner.frame.q, dq)
+        if answer.status != "holding":
+            assert_free(small_map, answer.path, scene.balls)
+            used += 1
+        fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
+        fresh.load_memory(planner.save_memory())
+        again = scene.ask(planner)
+        assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
+        assert not differences(planner.save_memory(), fresh.save_memory())
+        assert answer.status == "holding" or again.status != "holding"
+        if attacher.owes_start:  # it was joined by more since
+            continue
+        refs = starts.ref[:n]
+        assert not attacher.is_bare and (refs >= 0).all()
+        nodes = small_map.roadmap.nodes[starts.node[:n]]
+        here = np.repeat(planner.frame.q[None], n, axis=0)
+        first = attacher.sweep(here, planner.frame.difference(here, nodes))
+        for two in zip(refs, range(first, first + n), strict=True):
+            cells = [slice(pool.begin[i], pool.end[i]) for i in two]
+            assert np.array_equal(*(pool.mask[part] for part in cells))
+        paid += 1
+    assert paid >= 3 and used >= 1
 
 
 def test_a_path_that_was_found_is_taken_before_more_nodes_are_joined(small_map, hard):

@@ -8,6 +8,7 @@ from wrappers import with_wrapper
 import odm
 from odm.obstacles import _occupancy as occupancy
 from odm.obstacles._cloud import (
+    ARE_REACHED,
     AS_GIVEN,
     LAYOUT,
     LINKED,
@@ -18,6 +19,7 @@ from odm.obstacles._cloud import (
 )
 from odm.search import _judge as judge
 from odm.search._state import EDGE_BASE
+from odm.search.state import reach_on
 from roadmap.kinematics.forward import difference, sphere_centers
 
 part_free = with_wrapper(judge.part_free)
@@ -124,7 +126,7 @@ def test_points_near_a_motion_say_what_all_points_say(small_map, planner, rng):
                 # of AS_GIVEN the loop makes LINKED, and of SORTED nothing else
                 if layout != LINKED:
                     memory.cloud.counts[LAYOUT] = layout
-                memory.cloud.counts[N_LOOKED] = 0
+                memory.cloud.counts[[N_LOOKED, ARE_REACHED]] = 0
                 if layout == SORTED:
                     occupancy.sort_points(planner.points, memory.cloud)
                 free = judge.close_free(memory.table, a, dq)
@@ -135,18 +137,77 @@ def test_points_near_a_motion_say_what_all_points_say(small_map, planner, rng):
                 told.append((free, None if free else blocker))
             assert told[0] == told[1] == told[2]
             said.append(told[0][0])
-            looked_up += memory.picked.counts[N_INSIDE] < len(points) // 2
+            looked_up += memory.reached.counts[N_INSIDE] < len(points)
     assert 100 < sum(said) < 1400
     assert looked_up > 20
 
 
-def test_after_a_few_motions_of_a_frame_all_points_are_sorted(small_map, planner, rng):
+def begin_again(memory):
+    """Let nothing be laid out of the frame's points."""
+    memory.cloud.counts[[LAYOUT, N_LOOKED, ARE_REACHED]] = AS_GIVEN, 0, 0
+
+
+def test_motions_and_later_places_share_what_the_robot_can_reach(
+    small_map, planner, rng
+):
     memory, q = planner.memory, np.zeros(small_map.robot.dof)
     planner.step(odm.sample_capsules(draw_arm(rng), 0.02), q=q)
-    memory.cloud.counts[[LAYOUT, N_LOOKED]] = AS_GIVEN, 0
+    counts = memory.cloud.counts
+    begin_again(memory)
     for k in range(judge.FEW + 1):
-        judge.close_free(memory.table, q, 0.1 + q)
-        assert memory.cloud.counts[LAYOUT] == (LINKED if k < judge.FEW else SORTED)
+        stands_free(memory.table, q)
+        assert counts[LAYOUT] == LINKED and counts[ARE_REACHED] == (k == judge.FEW)
+    begin_again(memory)
+    judge.close_free(memory.table, q, 0.1 + q)
+    assert counts[LAYOUT] == LINKED and counts[ARE_REACHED] == 1
+    planner.step(odm.sample_capsules(draw_arm(rng), 0.02), q=q)
+    begin_again(memory)
+    planner.set_extra_clearance(0.05)  # then points count beside their blocks, too
+    begin_again(memory)
+    judge.close_free(memory.table, q, 0.1 + q)
+    assert counts[LAYOUT] == SORTED and counts[ARE_REACHED] == 0
+
+
+def test_blocks_that_are_not_reached_are_in_no_spheres_way(small_map, planner, rng):
+    """By brute force: no sphere is as near to them, in any place."""
+    robot, grid, memory = small_map.robot, small_map.grid, planner.memory
+    reach, radii, arm = memory.reach, planner.frame.radii, memory.arm
+    far = (arm.reach[:, reach.body[0]] + radii).max()
+    away = np.flatnonzero(reach.away >= far)
+    assert len(away) > 100  # the corners of the grid
+    at = np.stack(np.unravel_index(away, grid.blocks), axis=1)
+    low = grid.origin + 4 * grid.h * at
+    nearest = np.inf
+    for _ in range(300):
+        q = rng.uniform(robot.lower, robot.upper)
+        spheres = np.flatnonzero(robot.moving)
+        order = spheres[np.argsort(robot.sphere_body[spheres], kind="stable")]
+        c = sphere_centers(robot, q)[order][:, None]
+        over = np.maximum(low - c, c - (low + 4 * grid.h))
+        gaps = np.linalg.norm(np.maximum(over, 0.0), axis=2) - radii[:, None]
+        nearest = min(nearest, gaps.min())
+    assert 0.0 < nearest < 0.15  # and not much is left out in vain
+
+
+def test_a_robot_that_does_not_turn_about_one_axis_reaches_everywhere(
+    small_map, planner, rng
+):
+    arm, grid = small_map.arm, small_map.grid
+    assert reach_on(arm, grid).body[0] == 1
+    slides = arm.tree_i.copy()
+    slides[1, 2] = 2
+    beside = arm.tree_i.copy()
+    beside[2, 0] = 0
+    apart = beside.copy()
+    apart[2, 2] = 2  # one that slides on the base, beside one that turns
+    for tree in (slides, beside, apart):
+        assert reach_on(arm._replace(tree_i=tree), grid).body[0] == -1
+    memory, q = planner.memory, np.zeros(small_map.robot.dof)
+    planner.step(rng.uniform(-1.0, 1.0, (60, 3)), q=q)
+    memory.reach.body[0] = -1
+    begin_again(memory)
+    judge.close_free(memory.table, q, 0.1 + q)
+    assert memory.cloud.counts[LAYOUT] == SORTED
 
 
 def test_what_is_not_finite_is_not_free_wherever_the_points_are(small_map, planner):
@@ -155,11 +216,14 @@ def test_what_is_not_finite_is_not_free_wherever_the_points_are(small_map, plann
     planner.step(corner[None], q=q)
     assert memory.cloud.counts[N_LISTED] == 1
     for bad in (np.nan, np.inf):
-        memory.cloud.counts[[LAYOUT, N_LOOKED]] = AS_GIVEN, 0
+        begin_again(memory)
         assert judge.close_free(memory.table, q, q)
         assert not judge.close_free(memory.table, q, q + bad)
         assert not judge.close_free(memory.table, q + bad, q)
     radii = memory.robot_state.radii.copy()
-    memory.robot_state.radii[:] = np.inf
-    assert not judge.close_free(memory.table, q, q)
+    for bad in (np.nan, np.inf):
+        memory.robot_state.radii[-1] = bad
+        for dq in (q, 0.1 + q):
+            begin_again(memory)
+            assert not judge.close_free(memory.table, q, dq)
     memory.robot_state.radii[:] = radii

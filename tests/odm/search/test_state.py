@@ -128,7 +128,7 @@ def test_every_array_says_how_long_it_lives(memory):
     names = [name for arrays in lives for name in arrays]
     assert len(names) == len(set(names)) and all(lives)
     n_arrays = sum(len(kind._fields) for kind in KINDS.values())
-    assert len(names) == n_arrays - 2  # the cell size of both clouds is a number
+    assert len(names) == n_arrays - 3  # the cell size of the three clouds is a number
 
 
 def test_a_frames_points_are_in_the_table_where_they_are(planner, rng):
