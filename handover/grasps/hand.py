@@ -1,6 +1,5 @@
 """A hand ready to grasp: its links and solids as arrays, read from its robot's URDF."""
 
-import hashlib
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -52,16 +51,6 @@ class Hand:
     pairs: np.ndarray
     reach: float
     longest: float
-
-    def fingerprint(self) -> str:
-        """Return a SHA-256 of solids, joints and open hands, whatever its name."""
-        rows = [self.closed, self.preshapes, self.pairs, *self.arrays.solids]
-        rows += [rows for rows in self.arrays if isinstance(rows, np.ndarray)]
-        words = repr((self.joints, self.links, self.fingers))
-        digest = hashlib.sha256(words.encode())
-        for array in map(np.asarray, rows):
-            digest.update(f"{array.shape} {array.dtype}".encode() + array.tobytes())
-        return digest.hexdigest()
 
     def state(self, T_object_palm: np.ndarray, values: np.ndarray) -> kernels.HandState:
         """Return the hand with its palm at a pose (4, 4), joints at values (k,)."""

@@ -9,8 +9,8 @@ from handover.grasps._closing import clearance
 from handover.grasps.closing import is_outside, target_of
 from handover.grasps.grasp_build import build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
-from handover.grasps.hand import Hand, make_hand
-from handover.grasps.hands import HandSpec, hand_names, hand_spec
+from handover.grasps.hand import load_hand
+from handover.grasps.hands import HandSpec
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
 from roadmap.builds.chunks import Progress
@@ -33,28 +33,22 @@ def grasps_for(
     Args:
         thing: The object.
         hand: The hand; those that are alike share a set.
-        folder: Where sets are, OBJECT-HAND each, of a hand of the user's with a part of
-            its hash; `maps/built/grasps` if left.
+        folder: Where sets are, OBJECT-HAND each; `maps/built/grasps` if left.
         progress: Called with (stage, done, total) while a set is made, which takes a
             minute.
     """
     name = _ALIKE.get(hand.name, hand.name)
-    made_by: str | Hand = name
-    if hand.name not in hand_names() or hand_spec(hand.name) is not hand:
-        made_by = make_hand(hand)  # the user's: another one may have its name
-        name = f"{hand.name}-{made_by.fingerprint()[:12]}"
     path = Path(folder or FOLDER) / f"{thing.name}-{name}"
     found = _stored(path, thing.fingerprint())
     if found is not None:
         return found
-    made = build_grasps(thing, made_by, progress=progress)
+    made = build_grasps(thing, name, progress=progress)
     made.save(path)
     return made
 
 
 @lru_cache(maxsize=4096)
 def line_clear(
-    spec: HandSpec,
     grasps: GraspSet,
     g: int,
     length: float,
@@ -64,10 +58,9 @@ def line_clear(
     """Return whether an open hand comes straight to a grasp without cutting the object.
 
     By conservative advancement on exact distances, on a line of `length` [m] that ends
-    in grasp g of this hand; `away` is the unit vector from there along it, frame of the
-    palm.
+    in grasp g; `away` is the unit vector from there along it, frame of the palm.
     """
-    hand, target = make_hand(spec), target_once(grasps.thing)
+    hand, target = load_hand(grasps.hand), target_once(grasps.thing)
     T, back = grasps.T_object_palm[g].copy(), 0.0
     use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
     step = T[:3, :3] @ np.array(away)

@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.chain import Chain
 from handover.grasps.agents import Agent
-from handover.grasps.hand import capsules_in, make_hand
+from handover.grasps.hand import capsules_in, load_hand
 from handover.grasps.hands import HandSpec
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import Solid, solid_of
@@ -171,8 +171,8 @@ def prism(radius: float, length: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _limb(source: str, side: str, hand: HandSpec) -> Limb:
-    model, spec = agent_model(source), make_hand(hand).spec
+def _limb(source: str, side: str, hand: str) -> Limb:
+    model, spec = agent_model(source), load_hand(hand).spec
     description, whole = model.description, model.tree
     path = description.path(spec.palm)
     known = known_robot(source)
@@ -239,7 +239,7 @@ def limb_of(agent: Agent, side: str) -> Limb:
             f"{agent.name} has no {side} arm; give one of {', '.join(agent.arms)}"
         )
     arm = agent.arms[side]
-    return _limb(arm.robot, side, arm.spec)
+    return _limb(arm.robot, side, arm.hand)
 
 
 def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple:

@@ -137,8 +137,7 @@ class Paths:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the line of `line_to` that goes `away`, a unit vector of the palm."""
         mover, T = self.mover, self.mover.T_world_object
-        hand, settings = mover.limb.spec, self.settings
-        if not line_clear(hand, *held, settings.back, away, mover.proof):
+        if not line_clear(*held, self.settings.back, away, self.mover.proof):
             raise Blocked(
                 f"no straight line for {what}: the hand would cut the object",
                 by_hand=True,
