@@ -1,5 +1,6 @@
 """A hand ready to grasp: its links and solids as arrays, read from its robot's URDF."""
 
+import hashlib
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -64,6 +65,17 @@ class Hand:
         )
         kernels.place(self.arrays, state)
         return state
+
+    def fingerprint(self) -> str:
+        """Return a SHA-256 over all that its grasps depend on, to a nanometre."""
+        arrays, digest = self.arrays, hashlib.sha256(repr(self.fingers).encode())
+        for array in (
+            *(self.closed, self.preshapes, arrays.parent, arrays.fixed, arrays.axis),
+            *(arrays.kind, arrays.driver, arrays.scale, arrays.local, *arrays.solids),
+        ):
+            digest.update(str(array.shape).encode())
+            digest.update((np.round(array.astype(float), 9) + 0.0).tobytes())
+        return digest.hexdigest()
 
 
 def load_hand(name: str) -> Hand:

@@ -14,7 +14,7 @@ import numpy as np
 
 from handover.grasps.arm_reach import ArmReach, build_arm_reach
 from handover.grasps.grasp_set import GraspSet
-from handover.grasps.hand import load_hand
+from handover.grasps.hand import make_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
 from handover.plans.prune import Grasper, LazyGrasps
@@ -93,7 +93,7 @@ class Pair:
 @lru_cache(maxsize=16)
 def reach_of(limb: Limb) -> ArmReach:
     """Return an arm's average manipulability by voxel, frame of its mount."""
-    center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
+    center = (0.0, 0.0, 0.5 * make_hand(limb.spec).reach)
     how = limb.side, center, SOLVE.samples, SOLVE.cell
     return build_arm_reach(limb.chain, *how)
 

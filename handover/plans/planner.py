@@ -119,7 +119,7 @@ def plan_handover(
         for who, placed in (("giver", scene.giver), ("receiver", scene.receiver))
     }
     sets = {
-        limb.spec.name: (grasps or {}).get(limb.spec.name)
+        limb.spec: (grasps or {}).get(limb.spec.name)
         or grasps_for(scene.obj, limb.spec, folder)
         for some in limbs.values()
         for limb in some.values()
@@ -279,8 +279,8 @@ class _Search:
         return Pair(
             Mover(scene, scene.giver, one, scene.receiver, other),
             Mover(scene, scene.receiver, other, scene.giver, one),
-            self.sets[one.spec.name],
-            self.sets[other.spec.name],
+            self.sets[one.spec],
+            self.sets[other.spec],
         )
 
     def _start_blocked(self, pair: Pair) -> str:

@@ -2,13 +2,14 @@
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 
 from handover.grasps.agents import Agent, AgentArm, Posture, load_agent
-from handover.grasps.hands import HandSpec
+from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject, load_object
 from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.scenery import shapes_of_tables
@@ -134,8 +135,12 @@ def _own(table: dict, what: str, path: Path) -> Agent:
                 raise BadInput(f"{path}: {named} has no {key}; name it")
         hand = entry["hand"]
         own = isinstance(hand, dict)
-        if own:
-            hand = _hand(hand, str(urdf), named, path)
+        # what the arm carries is the hand as its own URDF has it
+        hand = (
+            _hand(hand, str(urdf), named, path)
+            if own
+            else replace(hand_spec(hand), robot=str(urdf))
+        )
         arms[side] = AgentArm(side, str(urdf), hand, str(entry["tip"]))
         _check_hand(arms[side], own, named, path)
     if not arms:

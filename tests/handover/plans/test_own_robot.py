@@ -1,0 +1,212 @@
+"""Robots and hands of the user's own, which no list of ours knows, in a plan."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import handover
+from handover.grasps.grasp_build import GraspSettings, build_grasps
+from handover.grasps.hand import load_hand, make_hand
+from handover.plans import grasps as grasp_sets
+from handover.plans.limb import limb_of
+from handover.plans.mover import Mover
+from handover.plans.plan_record import record_of
+from handover.plans.planner import plan_handover
+from handover.scenes.plan_file import object_at
+from handover.scenes.start_check import start_distances
+from roadmap.errors import BadInput
+from roadmap.robot.known import robot_file
+
+# links of an arm: size of a box in the middle of each [m]
+_SIZES = (0.08, 0.08, 0.16), (0.09, 0.09, 0.3), (0.08, 0.08, 0.26), (0.05, 0.05, 0.05)
+_ARM = ("z", 0.20, 2.9), ("y", 0.40, 2.2), ("y", 0.32, 2.6), ("z", 0.08, 2.9)
+_WRIST = ("y", 0.08, 2.0), ("z", 0.02, 2.9)
+_AXES = {"x": "1 0 0", "y": "0 1 0", "-y": "0 -1 0", "z": "0 0 1"}
+
+
+def _link(name, size=None, z=0.0):
+    if size is None:
+        return f'<link name="{name}"/>'
+    box = f'<box size="{size[0]} {size[1]} {size[2]}"/>'
+    at = f'<origin xyz="0 0 {z}"/><geometry>{box}</geometry>'
+    return f'<link name="{name}"><collision>{at}</collision></link>'
+
+
+def _joint(name, kind, parent, child, xyz, axis="z", ends=(0.0, 0.0), more=""):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin {xyz}/><axis xyz="{_AXES[axis]}"/>'
+        f'<limit lower="{ends[0]}" upper="{ends[1]}" velocity="1" effort="9"/>'
+        f"{more}</joint>"
+    )
+
+
+def _arm(mount, xyz, side=""):
+    """Return an arm of six joints with a gripper of two jaws, one driven."""
+    text, parent, at = "", mount, xyz
+    for k, (axis, length, end) in enumerate((*_ARM, *_WRIST)):
+        name, size = f"{side}link_{k}", _SIZES[min(k, 3)]
+        if k == 5:
+            size = (0.05, 0.05, 0.02)
+        text += _joint(f"{side}j{k}", "revolute", parent, name, at, axis, (-end, end))
+        text += _link(name, size, 0.0 if k == 5 else 0.5 * length)
+        parent, at = name, f'xyz="0 0 {length}"'
+    grip, follow = f"{side}grip", f'<mimic joint="{side}jaw_a"/>'
+    text += _joint(f"{side}mount", "fixed", parent, grip, at)
+    text += _link(grip, (0.05, 0.14, 0.04), 0.02)
+    for jaw, axis, more in (("jaw_a", "y", ""), ("jaw_b", "-y", follow)):
+        text += _link(f"{side}{jaw}_pad", (0.022, 0.012, 0.06), 0.03)
+        at, pad = 'xyz="0 0 0.042"', f"{side}{jaw}_pad"
+        text += _joint(side + jaw, "prismatic", grip, pad, at, axis, (0.0, 0.05), more)
+    return text
+
+
+def _hand(side="", palm=0.048, name=""):
+    """Return the gripper as a table; jaws begin 6 mm apart from their middle."""
+    return (
+        f'{{root = "{side}grip", palm = "{side}grip", palm_position = [0, 0, {palm}], '
+        f'fingers = [["{side}jaw_a"]], closed = {{{side}jaw_a = 0.006}}, '
+        f"preshapes = [{{{side}jaw_a = 0.05}}]{name}}}"
+    )
+
+
+def _scene(folder, body, hands, joints, more=""):
+    """Write a robot of one's own that gives a person who stands a box of tea."""
+    (folder / "own.urdf").write_text(f'<robot name="own">{body}</robot>')
+    given = "".join(f"{name} = {value}\n" for name, value in joints.items())
+    arms = "".join(
+        f'[giver.arms.{side}]\ntip = "{tip}"\nhand = {hand}\n'
+        for side, (tip, hand) in hands.items()
+    )
+    path = folder / "own.toml"
+    path.write_text(
+        f'[giver]\nurdf = "own.urdf"\nposition = [0.0, 0.0, 0.701]\n'
+        f"[giver.joints]\n{given}{arms}"
+        '[receiver]\nagent = "person"\nposition = [1.1, 0.0, 0.0]\n'
+        'rpy = [0.0, 0.0, 3.1416]\nuse = ["right"]\n[object]\nname = "box"\n'
+        "[start]\nposition = [0.45, 0.25, 0.777]\nrpy = [1.5708, 0.0, 0.0]\n"
+        "[goal]\nposition = [0.7, 0.0, 1.1]\nrpy = [0.0, 0.0, 1.57]\nheld = true\n"
+        '[[scenery]]\ntype = "box"\nsize = [1.0, 3.0, 0.03]\n'
+        f"position = [0.3, 0.0, 0.685]\n{more}"
+    )
+    return path
+
+
+_BENT = {"j1": 0.3, "j2": 1.2, "j4": 0.8, "jaw_a": 0.05}
+_READY = {"panda_joint4": -2.356, "panda_joint6": 1.571}
+_BASE = _link("base", (0.16, 0.16, 0.1), 0.05)
+
+
+@pytest.fixture
+def own(tmp_path):
+    body = _BASE + _arm("base", 'xyz="0 0 0.12"')
+    return _scene(tmp_path, body, {"right": ("grip", _hand())}, _BENT)
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Grasp sets of few samples: a second, not ten."""
+    settings = GraspSettings(samples=40, rolls=8)
+
+    def build(thing, hand, progress=None):
+        return build_grasps(thing, hand, settings, progress=progress)
+
+    monkeypatch.setattr(grasp_sets, "build_grasps", build)
+
+
+def test_a_robot_with_a_hand_of_its_own_gives(own, few, tmp_path):
+    scene = handover.load_scene(own)
+    plan = plan_handover(scene, 600.0, folder=tmp_path / "sets")
+    assert plan.found, plan.reason
+    assert plan.grasps_giver.joints == ("jaw_a",)
+    record, end = record_of(plan), plan.duration
+    assert np.abs(object_at(record, scene, end) - scene.T_world_goal).max() < 1e-6
+    assert record["holds"][1]["touching"] == ["grip", "jaw_a_pad", "jaw_b_pad"]
+
+
+def test_hands_of_one_name_have_sets_of_their_own(own, few, tmp_path):
+    thing, folder = handover.load_object("box"), tmp_path / "sets"
+    spec = handover.load_scene(own).giver.agent.arms["right"].spec
+    first = grasp_sets.grasps_for(thing, spec, folder)
+    T = spec.T_link_palm.copy()
+    T[2, 3] += 0.01  # as after a mended file
+    other = grasp_sets.grasps_for(thing, replace(spec, T_link_palm=T), folder)
+    assert first.hash and other.hash and other.hash != first.hash
+    again = grasp_sets.grasps_for(thing, replace(spec), folder)
+    assert again.hash == first.hash and len(list(folder.iterdir())) == 2
+
+
+def test_a_known_hand_is_what_the_urdf_carries(tmp_path):
+    """A Panda's hand with longer fingers has grasps of these, not of the Panda's."""
+    text = robot_file("panda").read_text()
+    jaw = 'xyz="0 0 0.0584"'  # of both fingers, from the hand
+    assert text.count(jaw) == 2
+    folder = robot_file("panda").parent
+    text = text.replace("package://", f"{folder}/")
+    hands = {}
+    for name, at in (("as_it_is", jaw), ("longer", 'xyz="0 0 0.0784"')):
+        (tmp_path / name).mkdir()
+        path = _scene(
+            tmp_path / name, _BASE, {"right": ("panda_hand", '"panda"')}, _READY
+        )
+        (tmp_path / name / "own.urdf").write_text(text.replace(jaw, at))
+        arm = handover.load_scene(path).giver.agent.arms["right"]
+        hands[name] = make_hand(arm.spec).fingerprint()
+    assert hands["as_it_is"] == load_hand("panda").fingerprint() != hands["longer"]
+
+
+def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(tmp_path):
+    body = _link("base", (0.1, 0.1, 0.04), 0.02) + _joint(
+        *("rail", "prismatic", "base", "car", 'xyz="0 0 0.08"', "y", (-0.9, 0.9))
+    )
+    body += _link("car", (0.14, 0.14, 0.05), 0.03) + _arm("car", 'xyz="0 0 0.08"')
+    post = (
+        '[[scenery]]\nname = "wall"\ntype = "box"\nsize = [2.0, 0.02, 1.5]\n'
+        "position = [0.0, 1.4, 1.5]\n"
+    )
+    hands = {"right": ("grip", _hand())}
+    scene = handover.load_scene(_scene(tmp_path, body, hands, _BENT, post))
+    limb = limb_of(scene.giver.agent, "right")
+    other = limb_of(scene.receiver.agent, "right")
+    mover, met = Mover(scene, scene.giver, limb, scene.receiver, other), 0
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(limb.lower, limb.upper, (120, limb.dof)):
+        q[0] = 0.9
+        joints = dict(zip(limb.joints, q.tolist(), strict=True))
+        posed = replace(scene.giver, joints=scene.giver.joints | joints)
+        near = start_distances(replace(scene, giver=posed))
+        if any("wall" in pair and distance <= 0.0 for distance, *pair in near):
+            met += 1
+            assert mover.why(q)[1] is not None
+    assert met > 5
+
+
+def _two_arms(more=""):
+    """Return two arms on one lift."""
+    body = _link("base", (0.1, 0.1, 0.04), 0.02) + _joint(
+        *("lift", "prismatic", "base", "column", 'xyz="0 0 0.05"', "z", (0.0, 0.5))
+    )
+    body += _link("column", (0.1, 0.1, 0.4), 0.22)
+    for side, turn in (("left_", -1.5708), ("right_", 1.5708)):
+        y = 0.1 if side == "left_" else -0.1
+        body += _arm("column", f'xyz="0 {y} 0.4" rpy="{turn} 0 0"', side)
+    return body + more
+
+
+def test_a_lift_that_carries_both_arms_stays_where_it_waits(tmp_path):
+    hands = {side: (f"{side}_grip", _hand(f"{side}_")) for side in ("left", "right")}
+    scene = handover.load_scene(_scene(tmp_path, _two_arms(), hands, {"lift": 0.2}))
+    for side in ("left", "right"):
+        limb = limb_of(scene.giver.agent, side)
+        arm = [f"{side}_j{k}" for k in range(6)]
+        assert list(limb.joints) == [*arm, f"{side}_jaw_a"]
+
+
+def test_a_camera_that_turns_on_the_wrist_is_told(tmp_path):
+    turn = _joint("pan", "revolute", "link_4", "camera", 'xyz="0 0.1 0"')
+    body = _BASE + _arm("base", 'xyz="0 0 0.12"') + _link("camera") + turn
+    path = _scene(tmp_path, body, {"right": ("grip", _hand())}, _BENT)
+    scene = handover.load_scene(path)
+    with pytest.raises(BadInput, match="make 'pan' fixed in the URDF"):
+        limb_of(scene.giver.agent, "right")
