@@ -14,7 +14,7 @@ from handover.plans.mover import Mover
 from handover.plans.plan_record import record_of
 from handover.plans.planner import plan_handover
 from handover.scenes.plan_file import object_at
-from handover.scenes.start_check import start_distances
+from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput
 from roadmap.robot.known import robot_file
 
@@ -161,25 +161,23 @@ def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(tmp_path):
         *("rail", "prismatic", "base", "car", 'xyz="0 0 0.08"', "y", (-0.9, 0.9))
     )
     body += _link("car", (0.14, 0.14, 0.05), 0.03) + _arm("car", 'xyz="0 0 0.08"')
-    post = (
-        '[[scenery]]\nname = "wall"\ntype = "box"\nsize = [2.0, 0.02, 1.5]\n'
-        "position = [0.0, 1.4, 1.5]\n"
-    )
     hands = {"right": ("grip", _hand())}
-    scene = handover.load_scene(_scene(tmp_path, body, hands, _BENT, post))
+    scene = handover.load_scene(_scene(tmp_path, body, hands, _BENT))
     limb = limb_of(scene.giver.agent, "right")
     other = limb_of(scene.receiver.agent, "right")
-    mover, met = Mover(scene, scene.giver, limb, scene.receiver, other), 0
-    rng = np.random.default_rng(0)
-    for q in rng.uniform(limb.lower, limb.upper, (120, limb.dof)):
-        q[0] = 0.9
-        joints = dict(zip(limb.joints, q.tolist(), strict=True))
-        posed = replace(scene.giver, joints=scene.giver.joints | joints)
-        near = start_distances(replace(scene, giver=posed))
-        if any("wall" in pair and distance <= 0.0 for distance, *pair in near):
-            met += 1
-            assert mover.why(q)[1] is not None
-    assert met > 5
+    draws = np.random.default_rng(0).uniform(limb.lower, limb.upper, (400, limb.dof))
+    draws[:, 0] = 0.9
+    ends = [
+        scene.giver.link_pose("link_3", dict(zip(limb.joints, q.tolist(), strict=True)))
+        for q in draws
+    ]
+    far = np.argsort([-T[1, 3] for T in ends])[:5]
+    assert all(ends[k][1, 3] > 1.5 for k in far)  # from the rail's middle, it is not
+    for k in far:  # a block about the forearm
+        block = handover.Fixture("block", Box((0.04, 0.04, 0.04), ends[k]))
+        there = replace(scene, scenery=(block,))
+        mover = Mover(there, scene.giver, limb, scene.receiver, other)
+        assert "would touch block" in mover.why(draws[k])[1]
 
 
 def _two_arms(more=""):
