@@ -154,7 +154,7 @@ def _arrays(
                 f"lacks; its joints are {list(description.joints)}"
             )
     T_palm_root = np.linalg.inv(
-        _pose_below(description, links[0], spec.palm) @ spec.T_link_palm
+        _pose_beside(description, links[0], spec.palm) @ spec.T_link_palm
     )
     fixed = flat_pose(np.array([T_palm_root, *(j.T_parent_joint for j in joints)]))
     axes = [np.array([0.0, 0.0, 1.0]), *(j.axis for j in joints)]
@@ -180,14 +180,22 @@ def _arrays(
     )
 
 
-def _pose_below(description: Description, root: str, link: str) -> np.ndarray:
-    """Return T_root_link over fixed joints."""
-    T = np.eye(4)
-    for joint in description.path(link)[::-1]:
-        if joint.child == root:
-            break
-        T = joint.T_parent_joint @ T
-    return T
+def _pose_beside(description: Description, root: str, link: str) -> np.ndarray:
+    """Return T_root_link, (4, 4) [m], of two links that nothing moves apart."""
+    ways = description.path(root), description.path(link)
+    same = sum(one is other for one, other in zip(*ways, strict=False))
+    poses = []
+    for way in ways:
+        T = np.eye(4)
+        for joint in way[same:][::-1]:
+            if joint.kind in MOVABLE:
+                raise BadRobot(
+                    f"the joint {joint.name!r} moves the palm {link!r} and the hand's "
+                    f"root {root!r} apart; name a palm that is fixed to the root"
+                )
+            T = joint.T_parent_joint @ T
+        poses.append(T)
+    return np.linalg.inv(poses[0]) @ poses[1]
 
 
 def _driven(

@@ -250,6 +250,10 @@ def _alone(whole: BodyTree, arm: list[str], spec: HandSpec, what: str) -> list[s
             shared.setdefault(names[whole.tree_i[parent, 1]], names[joint])
             parent = whole.tree_i[parent, 0]
     left = [name for name in arm if name not in shared]
+    if not arm:
+        raise BadInput(
+            f"no joint of {what} moves its palm {spec.palm!r}; name a link at its end"
+        )
     if len(left) < min(3, len(arm)):
         besides = next(shared[name] for name in arm[::-1] if name in shared)
         raise BadInput(

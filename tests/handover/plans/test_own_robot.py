@@ -1,9 +1,11 @@
 """Robots and hands of the user's own, which no list of ours knows, in a plan."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rows import each
 
 import handover
 from handover.grasps.grasp_build import GraspSettings, build_grasps
@@ -15,7 +17,7 @@ from handover.plans.plan_record import record_of
 from handover.plans.planner import plan_handover
 from handover.scenes.plan_file import object_at
 from odm.obstacles.shapes import Box
-from roadmap.errors import BadInput
+from roadmap.errors import BadInput, PlanningError
 from roadmap.robot.known import robot_file
 
 # links of an arm: size of a box in the middle of each [m]
@@ -208,3 +210,132 @@ def test_a_camera_that_turns_on_the_wrist_is_told(tmp_path):
     scene = handover.load_scene(path)
     with pytest.raises(BadInput, match="make 'pan' fixed in the URDF"):
         limb_of(scene.giver.agent, "right")
+
+
+# --- what a scene's file says of a hand and is refused ------------------------------
+
+
+def _told(own, before, after):
+    """Return what is said of a scene's file with one of its entries changed."""
+    text = own.read_text()
+    assert before in text
+    own.write_text(text.replace(before, after, 1))
+    with pytest.raises(PlanningError) as refused:
+        handover.load_scene(own)
+    return str(refused.value)
+
+
+_SHUT, _OPEN = "closed = {jaw_a = 0.006}", "preshapes = [{jaw_a = 0.05}]"
+
+
+@each(
+    ("before", "after", "told"),
+    [
+        ('tip = "grip"', 'tip = "gripp"', "tip .* is 'gripp'.* did you mean 'grip'"),
+        (
+            'root = "grip"',
+            'root = "x"',
+            "root of the right arm .* is 'x', but own",
+        ),
+        (
+            'palm = "grip"',
+            'palm = "x"',
+            "palm of the right arm .* is 'x', but own",
+        ),
+        (
+            'palm = "grip"',
+            'palm = "link_4"',
+            "'j5' moves the palm 'link_4' and",
+        ),
+        (
+            'palm = "grip"',
+            'palm = "jaw_a_pad"',
+            "'jaw_a' moves the palm .* apart",
+        ),
+        ("[0, 0, 0.048]", "[0, 0, 48]", "palm_position .* farther than 1 m .* metres"),
+        ('[["jaw_a"]]', "[]", r"has fingers \[\]; give each finger .* of jaw_a"),
+        (
+            '[["jaw_a"]]',
+            "[[]]",
+            r"has fingers \[\[\]\]; give each finger",
+        ),
+        ('[["jaw_a"]]', '[["jaw_a"], ["jaw_a"]]', "give each finger joints of its own"),
+        ('[["jaw_a"]]', '[["j5"]]', "closed lacks|fingers has 'j5', which moves none"),
+        ('[["jaw_a"]]', '[["jaw_b"]]', "fingers has 'jaw_b', which moves none"),
+        (_SHUT, "closed = {}", "closed lacks 'jaw_a'; say where it closes to"),
+        (_SHUT, "closed = {jaw = 0.0}", "closed has 'jaw'.*did you mean 'jaw_a'"),
+        (
+            _SHUT,
+            "closed = {jaw_a = 6}",
+            "jaw_a at 6, outside its limits 0 to 0.05",
+        ),
+        (_OPEN, "preshapes = []", "has no preshapes; give how it stands open"),
+        (
+            _OPEN,
+            "preshapes = [{jaw_a = 0.06}]",
+            "preshape 0 has jaw_a at 0.06",
+        ),
+        (_OPEN, "preshapes = [{j5 = 0.0}]", "preshape 0 has 'j5', which moves none of"),
+        (
+            _OPEN,
+            _OPEN + ', name = "../sets"',
+            "the name '../sets'; give letters",
+        ),
+        (
+            _OPEN,
+            _OPEN + ', name = "panda"',
+            "'panda', which is a known hand's",
+        ),
+        (_OPEN, _OPEN + ", name = 7", "the name 7; give letters"),
+        (
+            'use = ["right"]',
+            "use = []",
+            r"use of .receiver. is \[\]; write a",
+        ),
+        (
+            'use = ["right"]',
+            'use = ["left", "left"]',
+            "a list of arms, each once",
+        ),
+        (
+            "[giver]",
+            'name = ["tea"]\n[giver]',
+            "scene's name is .'tea'.; give",
+        ),
+        (
+            "[giver]",
+            'name = "a\\nb"\n[giver]',
+            "scene's name is 'a.nb'; give",
+        ),
+    ],
+)
+def test_what_a_hand_cannot_be_is_told(tmp_path, before, after, told):
+    body = _BASE + _arm("base", 'xyz="0 0 0.12"')
+    own = _scene(tmp_path, body, {"right": ("grip", _hand())}, _BENT)
+    assert re.search(told, _told(own, before, after))
+
+
+def test_a_palm_may_be_a_link_before_the_hand(own):
+    """What a maker calls its flange is often not of the hand, but fixed to it."""
+    hand = handover.load_scene(own).giver.agent.arms["right"].spec
+    at = np.array([0.0, 0.0, 0.02])  # of the hand, on the last link of the arm
+    T = hand.T_link_palm.copy()
+    T[:3, 3] += at
+    same = make_hand(replace(hand, palm="link_5", T_link_palm=T))
+    assert same.fingerprint() == make_hand(hand).fingerprint()
+
+
+def test_a_joint_beyond_its_limit_by_a_rounding_is_put_on_it(own):
+    text = own.read_text()
+    own.write_text(text.replace("jaw_a = 0.05\n", "jaw_a = 0.0504\nj5 = 2.9005\n", 1))
+    joints = handover.load_scene(own).giver.joints
+    assert joints["jaw_a"] == 0.05 and joints["j5"] == 2.9
+
+
+def test_a_follower_that_ends_sooner_ends_the_joint_that_it_follows(own):
+    urdf = own.with_name("own.urdf")
+    head, jaw, rest = urdf.read_text().partition('<joint name="jaw_b"')
+    urdf.write_text(head + jaw + rest.replace('upper="0.05"', 'upper="0.04"', 1))
+    own.write_text(own.read_text().replace("[{jaw_a = 0.05}]", "[{jaw_a = 0.04}]"))
+    with pytest.raises(BadInput, match="jaw_a at 0.05, outside its limits 0 to 0.04"):
+        handover.load_scene(own)
