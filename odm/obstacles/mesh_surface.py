@@ -174,9 +174,8 @@ def _agreed(
     _, part = connected_components(near, directed=False)
     turned, found = np.zeros(m, bool), faces.copy()
     for k in np.unique(part[pairs[clash, 0]]):
-        way, before = breadth_first_order(
-            near, int(np.flatnonzero(part == k)[0]), False
-        )
+        first = int(np.flatnonzero(part == k)[0])
+        way, before = breadth_first_order(near, first, directed=False)
         for face in way[1:]:
             turned[face] = turned[before[face]] ^ (near[before[face], face] == 2.0)
         found[way] = np.where(turned[way, None], faces[way, ::-1], faces[way])

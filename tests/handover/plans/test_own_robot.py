@@ -260,7 +260,7 @@ _SHUT, _OPEN = "closed = {jaw_a = 0.006}", "preshapes = [{jaw_a = 0.05}]"
             r"has fingers \[\[\]\]; give each finger",
         ),
         ('[["jaw_a"]]', '[["jaw_a"], ["jaw_a"]]', "give each finger joints of its own"),
-        ('[["jaw_a"]]', '[["j5"]]', "closed lacks|fingers has 'j5', which moves none"),
+        ('[["jaw_a"]]', '[["j5"]]', "fingers has 'j5', which moves none"),
         ('[["jaw_a"]]', '[["jaw_b"]]', "fingers has 'jaw_b', which moves none"),
         (_SHUT, "closed = {}", "closed lacks 'jaw_a'; say where it closes to"),
         (_SHUT, "closed = {jaw = 0.0}", "closed has 'jaw'.*did you mean 'jaw_a'"),
