@@ -125,7 +125,8 @@ def _placed(table: dict, what: str, path: Path) -> PlacedAgent:
 
 def _own(table: dict, what: str, path: Path) -> Agent:
     """Return an agent of the user's, from a URDF."""
-    urdf = path.parent / str(table["urdf"])
+    # a plan names it, and is read from anywhere
+    urdf = (path.parent / str(table["urdf"])).resolve()
     arms = {}
     for side, entry in _table(table.get("arms", {}), f"arms of {what}", path).items():
         named = f"the {side} arm of {what}"

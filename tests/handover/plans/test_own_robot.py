@@ -15,7 +15,7 @@ from handover.plans.limb import limb_of
 from handover.plans.mover import Mover
 from handover.plans.plan_record import record_of
 from handover.plans.planner import plan_handover
-from handover.scenes.plan_file import object_at
+from handover.scenes.plan_file import Hold, object_at, plan_record
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput, PlanningError
 from roadmap.robot.known import robot_file
@@ -210,6 +210,19 @@ def test_a_camera_that_turns_on_the_wrist_is_told(tmp_path):
     scene = handover.load_scene(path)
     with pytest.raises(BadInput, match="make 'pan' fixed in the URDF"):
         limb_of(scene.giver.agent, "right")
+
+
+def test_a_plan_names_its_urdf_wherever_its_scene_was_read_from(own, monkeypatch):
+    named = []
+    for folder, path in ((own.parent, own.name), (own.parents[1], own)):
+        monkeypatch.chdir(folder)
+        scene = handover.load_scene(path)
+        named.append(plan_record(scene, [], [_rests(scene)])["giver"]["urdf"])
+    assert named == [str(own.with_name("own.urdf"))] * 2
+
+
+def _rests(scene):
+    return Hold("world", "", scene.T_world_start, 0.0)
 
 
 # --- what a scene's file says of a hand and is refused ------------------------------
