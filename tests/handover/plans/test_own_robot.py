@@ -16,6 +16,7 @@ from handover.plans.mover import Mover
 from handover.plans.plan_record import record_of
 from handover.plans.planner import plan_handover
 from handover.scenes.plan_file import Hold, object_at, plan_record
+from handover.scenes.start_check import start_distances
 from odm.obstacles.shapes import Box
 from roadmap.errors import BadInput, PlanningError
 from roadmap.robot.known import robot_file
@@ -180,6 +181,20 @@ def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(tmp_path):
         there = replace(scene, scenery=(block,))
         mover = Mover(there, scene.giver, limb, scene.receiver, other)
         assert "would touch block" in mover.why(draws[k])[1]
+
+
+def test_bars_of_a_gripper_that_meet_where_it_is_open_are_joined(tmp_path):
+    """A linkage closes a loop, which a URDF cannot say: its bars overlap."""
+    bar = _link("bar", (0.02, 0.05, 0.02), 0.02) + _joint(
+        *("swing", "revolute", "grip", "bar", 'xyz="0 0.04 0.04"', "y", (-1.0, 1.0)),
+        more='<mimic joint="jaw_a" multiplier="0.5"/>',
+    )
+    body, hands = _BASE + _arm("base", 'xyz="0 0 0.12"'), {"right": ("grip", _hand())}
+    scene = handover.load_scene(_scene(tmp_path, body + bar, hands, _BENT))
+    joints = {**scene.giver.joints, "jaw_a": 0.005}  # both pads, which meet only shut
+    shut = replace(scene, giver=replace(scene.giver, joints=joints))
+    meeting = [pair for distance, *pair in start_distances(shut) if distance <= 0.0]
+    assert meeting == [["own/jaw_a_pad", "own/jaw_b_pad"]]
 
 
 def _two_arms(more=""):
