@@ -16,8 +16,9 @@ from handover.plans import _space as kernels
 from handover.plans.limb import Limb, balls_of, box_corners, prism
 from handover.plans.settings import SOLVE, ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
+from odm.obstacles.mesh_surface import volume
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from roadmap.geometry.solids import hull_corners
+from roadmap.geometry.solids import hull_corners, hull_facets
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import MOST
 from roadmap.kinematics.joint_tree import PRISMATIC
@@ -496,6 +497,14 @@ def _hulls(thing: GraspObject) -> tuple[np.ndarray, ...]:
     """Return the corners of the hulls of an object's parts, its frame [m]."""
     moved = [(part.vertices, part.T_base_shape) for part in thing.parts]
     return tuple(hull_corners(moved_points(v, T)) for v, T in moved)
+
+
+def has_hollows(shape: Shape) -> bool:
+    """Return whether a shape is a mesh with less than 0.99 of its hull's volume."""
+    if not isinstance(shape, Mesh):
+        return False
+    corners, faces = shape.vertices, hull_facets(shape.vertices)
+    return volume(corners, shape.faces) < 0.99 * volume(corners, faces)
 
 
 def shape_points(shape: Shape) -> tuple[np.ndarray, float]:

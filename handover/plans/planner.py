@@ -13,7 +13,7 @@ from handover.plans.choose import HandoverChoice, Pair, Report, arms_in_order, t
 from handover.plans.grasps import grasps_for
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, PlannedMotion, home_of, timed
-from handover.plans.mover import Mover, mount_pose
+from handover.plans.mover import Mover, has_hollows, mount_pose
 from handover.plans.paths import Blocked, Clock, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
@@ -394,6 +394,12 @@ class _Search:
             self.best_failure, self.reason = far, reason
 
     def _failed(self, reason: str) -> HandoverPlan:
+        hollow = [f.name for f in self.scene.scenery if has_hollows(f.shape)]
+        if hollow:
+            reason += (
+                f"; {hollow[0]} counts as its hull: give it as convex parts where its "
+                "hollows matter"
+            )
         return HandoverPlan(self.scene, False, reason, report=self.report)
 
 
