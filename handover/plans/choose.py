@@ -17,6 +17,7 @@ from handover.grasps.grasp_set import GraspSet
 from handover.grasps.hand import make_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
+from handover.plans.paths import OutOfTime
 from handover.plans.prune import Grasper, LazyGrasps
 from handover.plans.settings import SOLVE, PlanSettings
 from handover.scenes.scene import Scene
@@ -137,13 +138,21 @@ def arms_in_order(
 
 
 def tuples(
-    scene: Scene, pair: Pair, settings: PlanSettings, report: Report
+    scene: Scene,
+    pair: Pair,
+    settings: PlanSettings,
+    report: Report,
+    late: Callable[[], bool] = lambda: False,
 ) -> Iterator[HandoverChoice]:
     """Yield the tuples of H, the receiver's most dexterous first, then wider ones.
 
     Within a step all tuples of one grasp of the receiver come before those of the next,
     less dexterous one, whatever their poses; those of a pose by the giver's dexterity.
-    Nothing is tested before its turn.
+    Nothing is tested before its turn. `late` is asked before each pose: of arms without
+    a closed form one takes up to a second, and thousands may hold no tuple.
+
+    Raises:
+        OutOfTime: `late` says so.
     """
     giver, receiver = pair.giver, pair.receiver
     sides = giver.limb.side, receiver.limb.side
@@ -175,6 +184,8 @@ def tuples(
                 use[list(report.unpickable)] = False
                 if not use.any():
                     return
+                if late():
+                    raise OutOfTime("the choice of grasps and pose")
                 report.poses[0] += 1
                 hold = partial(_carry, receiver, waits["giver"], T_palm_object)
                 q_receiver = _taken(taking, found[0], T, hold)

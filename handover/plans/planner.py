@@ -226,7 +226,7 @@ class _Search:
         self.limbs, self.sets = limbs, sets
         self.clock = Clock(limit_s)
         self.reason, self.late = "", ""
-        self.best_failure = -1
+        self.best_failure, self.found = -1, False
 
     def run(self, motions: bool) -> HandoverPlan:
         scene, report = self.scene, self.report
@@ -314,7 +314,7 @@ class _Search:
     def _with(self, pair: Pair, motions: bool) -> HandoverPlan | None:
         """Return a plan with these arms; None: there is none, `reason` says why."""
         report, settings, begun = self.report, self.settings, self.clock.spent
-        stream = tuples(self.scene, pair, settings, report)
+        stream = tuples(self.scene, pair, settings, report, self._late)
         tried = _Tried(MotionPlanner(self.scene, pair, settings, self.clock), report)
         found, chosen = None, None
         try:
@@ -331,6 +331,7 @@ class _Search:
             self._explain(pair, len(tried.seen))
             return None
         moving = self.clock.spent
+        self.found = True
         pieces, used = found
         done = timed(pieces, pair, used)
         tried.seconds += self.clock.spent - moving
@@ -343,6 +344,10 @@ class _Search:
             self.scene, True, "", used, pair.of_giver, pair.of_receiver, done, report,
             _Others(stream, tried, used, settings.tuples, report),
         )  # fmt: skip
+
+    def _late(self) -> bool:
+        """Return whether the time is over; a plan's other tuples are not cut by it."""
+        return not self.found and self.clock.over
 
     def _counted(
         self, stream: Iterator[HandoverChoice], seen: list
