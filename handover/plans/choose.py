@@ -161,18 +161,14 @@ def tuples(
         "giver": scene.giver.values(giver.limb.joints),
         "receiver": scene.receiver.values(receiver.limb.joints),
     }
-    stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
-    every = np.arange(len(pair.of_receiver))
-    looked = taking.look(scene.T_world_goal, every, stand)
+    looked = _at_goal(scene, taking, waits["giver"])
     report.looked[f"receiver {sides[1]}, goal"] = looked
     goals = Kept(iter(looked))
     if not goals.first(1):
         return
-    stand = partial(_stand, giver, waits["receiver"], scene.T_world_start)
-    every = np.arange(len(pair.of_giver))
-    starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
+    starts = _at_start(scene, giving, waits["receiver"])
     report.looked[f"giver {sides[0]}, start"] = starts
-    clashes: dict[int, np.ndarray] = {}
+    every, clashes = np.arange(len(pair.of_giver)), {}
     for step, places, turns in steps_of(pair, settings):
         for found in goals:
             clash = clashes.setdefault(found[0], np.zeros(len(every), bool))
@@ -223,6 +219,19 @@ class Kept:
             if len(self.first(k + 1)) <= k:
                 return
             yield self._found[k]
+
+
+def _at_goal(scene: Scene, taking: Grasper, giver: np.ndarray) -> LazyGrasps:
+    """Look at all grasps of the receiver at the goal; the giver's joints (dof,)."""
+    stand = partial(_stand, taking.mover, giver, scene.T_world_goal)
+    return taking.look(scene.T_world_goal, np.arange(len(taking.grasps)), stand)
+
+
+def _at_start(scene: Scene, giving: Grasper, receiver: np.ndarray) -> LazyGrasps:
+    """Look at all grasps of the giver at the start; the receiver's joints (dof,)."""
+    stand = partial(_stand, giving.mover, receiver, scene.T_world_start)
+    every = np.arange(len(giving.grasps))
+    return giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
 
 
 def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:
