@@ -175,7 +175,11 @@ def _arrays(
         solids=gathered,
         local=flat_pose(np.array([s.T_body_solid for s in solids])),
         bounds=np.array([_bounds(*part) for part in parts]),
-        lever=_levers(base, fixed, kinds, driven, gathered, solids, len(names)),
+        lever=_levers(
+            *(base, fixed, kinds, driven, gathered, solids),
+            [_travel(description, joint) for joint in joints],
+            len(names),
+        ),
         moves=moves,
     )
 
@@ -284,12 +288,22 @@ def _moves(
     return np.ascontiguousarray(by_link[owner].T)
 
 
-def _levers(parent, fixed, kinds, driven, solids, owners, n) -> np.ndarray:
+def _travel(description: Description, joint: Joint) -> float:
+    """Bound how far a slide is from where it is at 0 [m]; 0 of any other joint."""
+    if joint.kind != "prismatic":
+        return 0.0
+    name, factor, offset = drive(description, joint)
+    driver = description.joints[name]
+    most = max(abs(driver.lower or 0.0), abs(driver.upper or 0.0))
+    return abs(factor) * most + abs(offset)
+
+
+def _levers(parent, fixed, kinds, driven, solids, owners, travel, n) -> np.ndarray:
     """Bound how far a unit of each driver moves any point of a solid, (n,) [m].
 
     Each joint on the way to a solid turns it by its factor times the longest way from
     the joint to the solid's farthest point. A slide moves it by its factor, and brings
-    it farther from the turns that carry the slide: by 0.1 m at most, in any hand.
+    it farther from the turns that carry the slide: by its `travel` (of each joint).
     """
     lever = np.zeros(n)
     for k, solid in enumerate(owners):
@@ -302,7 +316,7 @@ def _levers(parent, fixed, kinds, driven, solids, owners, n) -> np.ndarray:
                 moved[d] += abs(factor) * far
             elif kinds[link] == kernels.SLIDES:
                 moved[d] += abs(factor)
-                far += 0.1
+                far += travel[link - 1]
             far += np.linalg.norm(fixed[link, 9:])
             link = parent[link]
         lever = np.maximum(lever, moved)

@@ -197,6 +197,32 @@ def test_bars_of_a_gripper_that_meet_where_it_is_open_are_joined(tmp_path):
     assert meeting == [["own/jaw_a_pad", "own/jaw_b_pad"]]
 
 
+def test_a_pad_that_slides_far_out_on_a_turning_bar_is_moved_by_all_of_it(tmp_path):
+    """Fingers close by steps that no point of them may exceed."""
+    bar = _link("bar", (0.02, 0.02, 0.02)) + _link("pad", (0.02, 0.02, 0.02))
+    bar += _joint("swing", "revolute", "grip", "bar", 'xyz="0 0 0.1"', "y", (-1, 1))
+    bar += _joint("out", "prismatic", "bar", "pad", 'xyz="0 0 0.03"', "z", (0, 0.5))
+    hand = (
+        '{root = "grip", palm = "grip", fingers = [["swing", "out"], ["jaw_a"]], '
+        "closed = {swing = 1.0, out = 0.5, jaw_a = 0.006}, "
+        "preshapes = [{swing = 0.0, out = 0.3, jaw_a = 0.05}]}"
+    )
+    body, hands = (
+        _BASE + _arm("base", 'xyz="0 0 0.12"') + bar,
+        {"right": ("grip", hand)},
+    )
+    scene = handover.load_scene(_scene(tmp_path, body, hands, _BENT))
+    made = make_hand(scene.giver.agent.arms["right"].spec)
+    swing, out = (made.joints.index(name) for name in ("swing", "out"))
+    values = made.preshapes[0].copy()
+    values[out] = 0.5
+    pad = made.links.index("pad")
+    at = made.state(np.eye(4), values).links[pad, 9:].copy()
+    values[swing] += 1e-4
+    way = np.linalg.norm(made.state(np.eye(4), values).links[pad, 9:] - at) / 1e-4
+    assert 0.5 < way < made.arrays.lever[swing] < way + 0.1
+
+
 def _two_arms(more=""):
     """Return two arms on one lift."""
     body = _link("base", (0.1, 0.1, 0.04), 0.02) + _joint(
