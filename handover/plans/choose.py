@@ -21,6 +21,7 @@ from handover.plans.paths import OutOfTime
 from handover.plans.prune import Grasper, LazyGrasps
 from handover.plans.settings import SOLVE, PlanSettings
 from handover.scenes.scene import Scene
+from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.transforms import moved_points, pose_with, rotation_about
 
 
@@ -264,7 +265,7 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
 
     They are neighbours of the middle between the shoulders, nearer than `near` [m].
     """
-    middle = 0.5 * (shoulder(pair.giver) + shoulder(pair.receiver))
+    middle = 0.5 * np.add(*shoulders(pair))
     n = int(np.ceil(near / SOLVE.cell))
     steps = np.arange(-n, n + 1) * SOLVE.cell
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
@@ -284,11 +285,26 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
     return points[order]
 
 
-def shoulder(mover: Mover) -> np.ndarray:
-    """Return where an arm's shoulder is, world frame (3,) [m]."""
-    limb = mover.limb
+def shoulders(pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+    """Return where both shoulders are, the giver's first, world frame (3,) [m].
+
+    An arm that begins with a slide, as on a rail, slides to the other one.
+    """
+    receiver = _shoulder(pair.receiver, _shoulder(pair.giver))
+    return _shoulder(pair.giver, receiver), receiver
+
+
+def _shoulder(mover: Mover, toward: np.ndarray | None = None) -> np.ndarray:
+    """Return an arm's shoulder (3,), slid as far as it can to a point `toward` (3,)."""
+    limb, (R, at) = mover.limb, (mover.T_mount[:3, :3], mover.T_mount[:3, 3])
     local = limb.chain.fixed[0, 9:] if limb.seven is None else limb.seven.shoulder
-    return mover.T_mount[:3, :3] @ local + mover.T_mount[:3, 3]
+    here = R @ local + at
+    if toward is None or limb.tree_i[1, 2] != PRISMATIC:
+        return here
+    joint, row = limb.tree_i[1, 1], limb.tree_f[1]
+    along = R @ row[:9].reshape(3, 3) @ row[12:15]
+    ends = np.sort(row[15] * np.array([limb.lower[joint], limb.upper[joint]]) + row[16])
+    return here + np.clip((toward - here) @ along, *ends) * along
 
 
 def handover_poses(
@@ -297,7 +313,7 @@ def handover_poses(
     """Yield T_world_handover of Algorithm 3, lines 8 to 13, at places (n, 3)."""
     T_object_palm = pair.of_receiver.T_object_palm[grasp]
     R_palm = scene.T_world_goal[:3, :3] @ T_object_palm[:3, :3]
-    z = shoulder(pair.giver) - shoulder(pair.receiver)
+    z = np.subtract(*shoulders(pair))
     z /= np.linalg.norm(z)
     least = min_rotation(R_palm[:, 2], z) @ R_palm @ T_object_palm[:3, :3].T
     turned = [rotation_about(z, turn) @ least for turn in turns]

@@ -11,6 +11,7 @@ import handover
 from handover.grasps.grasp_build import GraspSettings, build_grasps
 from handover.grasps.hand import load_hand, make_hand
 from handover.plans import grasps as grasp_sets
+from handover.plans.choose import Pair, common_voxels, shoulders
 from handover.plans.limb import limb_of
 from handover.plans.mover import Mover
 from handover.plans.plan_record import record_of
@@ -159,15 +160,37 @@ def test_a_known_hand_is_what_the_urdf_carries(tmp_path):
     assert hands["as_it_is"] == load_hand("panda").fingerprint() != hands["longer"]
 
 
-def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(tmp_path):
+@pytest.fixture
+def on_rail(tmp_path):
+    """An arm on a rail along y, 0.9 m each way."""
     body = _link("base", (0.1, 0.1, 0.04), 0.02) + _joint(
         *("rail", "prismatic", "base", "car", 'xyz="0 0 0.08"', "y", (-0.9, 0.9))
     )
     body += _link("car", (0.14, 0.14, 0.05), 0.03) + _arm("car", 'xyz="0 0 0.08"')
-    hands = {"right": ("grip", _hand())}
-    scene = handover.load_scene(_scene(tmp_path, body, hands, _BENT))
-    limb = limb_of(scene.giver.agent, "right")
+    return _scene(tmp_path, body, {"right": ("grip", _hand())}, _BENT)
+
+
+def _movers(scene):
+    giver = limb_of(scene.giver.agent, "right")
     other = limb_of(scene.receiver.agent, "right")
+    return (
+        Mover(scene, scene.giver, giver, scene.receiver, other),
+        Mover(scene, scene.receiver, other, scene.giver, giver),
+    )
+
+
+def test_an_arm_on_a_rail_meets_who_stands_at_its_end(on_rail):
+    text = on_rail.read_text()
+    on_rail.write_text(text.replace("[1.1, 0.0, 0.0]", "[1.1, 1.3, 0.0]"))
+    pair = Pair(*_movers(handover.load_scene(on_rail)), None, None)
+    ours, theirs = shoulders(pair)
+    assert ours[1] == pytest.approx(0.9) and theirs[1] > 1.3
+    assert len(common_voxels(pair, 0.25)) > 10
+
+
+def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(on_rail):
+    scene = handover.load_scene(on_rail)
+    limb = limb_of(scene.giver.agent, "right")
     draws = np.random.default_rng(0).uniform(limb.lower, limb.upper, (400, limb.dof))
     draws[:, 0] = 0.9
     ends = [
@@ -179,7 +202,7 @@ def test_an_arm_on_a_rail_keeps_clear_of_what_stands_at_its_end(tmp_path):
     for k in far:  # a block about the forearm
         block = handover.Fixture("block", Box((0.04, 0.04, 0.04), ends[k]))
         there = replace(scene, scenery=(block,))
-        mover = Mover(there, scene.giver, limb, scene.receiver, other)
+        mover, _ = _movers(there)
         assert "would touch block" in mover.why(draws[k])[1]
 
 
