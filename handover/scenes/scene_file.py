@@ -187,6 +187,17 @@ def _numbers(table: object, what: str, path: Path) -> dict[str, float]:
 def _object(table: dict, path: Path) -> GraspObject:
     if ("name" in table) == ("file" in table):
         raise BadInput(f"{path}: [object] needs either name or file; give one of both")
+    mass, scale = table.get("mass_kg", 1.0), table.get("scale", 1.0)
+    if not is_between(mass, 1e-6, 100.0):
+        raise BadInput(
+            f"{path}: mass_kg of [object] is {mass!r}; give kilograms, up to 100"
+        )
+    factors = scale if isinstance(scale, list) and len(scale) == 3 else [scale]
+    if not all(is_between(factor, 1e-9, 1e9) for factor in factors):
+        raise BadInput(
+            f"{path}: scale of [object] is {scale!r}; give what turns the file's unit "
+            "into metres, such as 0.001"
+        )
     if "name" in table:
         return load_object(table["name"], table.get("mass_kg"), table.get("scale", 1.0))
     file = path.parent / str(table["file"])

@@ -364,6 +364,10 @@ _SHUT, _OPEN = "closed = {jaw_a = 0.006}", "preshapes = [{jaw_a = 0.05}]"
             "'panda', which is a known hand's",
         ),
         (_OPEN, _OPEN + ", name = 7", "the name 7; give letters"),
+        ('name = "box"', 'file = "a.stl"\nscale = -1', "scale of .object. is -1; give"),
+        ('name = "box"', 'file = "a.stl"\nscale = "1"', "scale of .object. is '1'"),
+        ('name = "box"', 'file = "a.stl"\nmass_kg = "1"', "mass_kg of .object. is '1'"),
+        ('name = "box"', 'file = "a.stl"\nmass_kg = true', "mass_kg .* is True; give"),
         (
             'use = ["right"]',
             "use = []",
