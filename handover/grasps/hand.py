@@ -1,5 +1,6 @@
 """A hand ready to grasp: its links and solids as arrays, read from its robot's URDF."""
 
+import hashlib
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -64,6 +65,17 @@ class Hand:
         )
         kernels.place(self.arrays, state)
         return state
+
+    def fingerprint(self) -> str:
+        """Return a SHA-256 over all that its grasps depend on, to a nanometre."""
+        arrays, digest = self.arrays, hashlib.sha256(repr(self.fingers).encode())
+        for array in (
+            *(self.closed, self.preshapes, arrays.parent, arrays.fixed, arrays.axis),
+            *(arrays.kind, arrays.driver, arrays.scale, arrays.local, *arrays.solids),
+        ):
+            digest.update(str(array.shape).encode())
+            digest.update((np.round(array.astype(float), 9) + 0.0).tobytes())
+        return digest.hexdigest()
 
 
 def load_hand(name: str) -> Hand:
@@ -142,7 +154,7 @@ def _arrays(
                 f"lacks; its joints are {list(description.joints)}"
             )
     T_palm_root = np.linalg.inv(
-        _pose_below(description, links[0], spec.palm) @ spec.T_link_palm
+        _pose_beside(description, links[0], spec.palm) @ spec.T_link_palm
     )
     fixed = flat_pose(np.array([T_palm_root, *(j.T_parent_joint for j in joints)]))
     axes = [np.array([0.0, 0.0, 1.0]), *(j.axis for j in joints)]
@@ -163,19 +175,31 @@ def _arrays(
         solids=gathered,
         local=flat_pose(np.array([s.T_body_solid for s in solids])),
         bounds=np.array([_bounds(*part) for part in parts]),
-        lever=_levers(base, fixed, kinds, driven, gathered, solids, len(names)),
+        lever=_levers(
+            *(base, fixed, kinds, driven, gathered, solids),
+            [_travel(description, joint) for joint in joints],
+            len(names),
+        ),
         moves=moves,
     )
 
 
-def _pose_below(description: Description, root: str, link: str) -> np.ndarray:
-    """Return T_root_link over fixed joints."""
-    T = np.eye(4)
-    for joint in description.path(link)[::-1]:
-        if joint.child == root:
-            break
-        T = joint.T_parent_joint @ T
-    return T
+def _pose_beside(description: Description, root: str, link: str) -> np.ndarray:
+    """Return T_root_link, (4, 4) [m], of two links that nothing moves apart."""
+    ways = description.path(root), description.path(link)
+    same = sum(one is other for one, other in zip(*ways, strict=False))
+    poses = []
+    for way in ways:
+        T = np.eye(4)
+        for joint in way[same:][::-1]:
+            if joint.kind in MOVABLE:
+                raise BadRobot(
+                    f"the joint {joint.name!r} moves the palm {link!r} and the hand's "
+                    f"root {root!r} apart; name a palm that is fixed to the root"
+                )
+            T = joint.T_parent_joint @ T
+        poses.append(T)
+    return np.linalg.inv(poses[0]) @ poses[1]
 
 
 def _driven(
@@ -264,12 +288,22 @@ def _moves(
     return np.ascontiguousarray(by_link[owner].T)
 
 
-def _levers(parent, fixed, kinds, driven, solids, owners, n) -> np.ndarray:
+def _travel(description: Description, joint: Joint) -> float:
+    """Bound how far a slide is from where it is at 0 [m]; 0 of any other joint."""
+    if joint.kind != "prismatic":
+        return 0.0
+    name, factor, offset = drive(description, joint)
+    driver = description.joints[name]
+    most = max(abs(driver.lower or 0.0), abs(driver.upper or 0.0))
+    return abs(factor) * most + abs(offset)
+
+
+def _levers(parent, fixed, kinds, driven, solids, owners, travel, n) -> np.ndarray:
     """Bound how far a unit of each driver moves any point of a solid, (n,) [m].
 
     Each joint on the way to a solid turns it by its factor times the longest way from
     the joint to the solid's farthest point. A slide moves it by its factor, and brings
-    it farther from the turns that carry the slide: by 0.1 m at most, in any hand.
+    it farther from the turns that carry the slide: by its `travel` (of each joint).
     """
     lever = np.zeros(n)
     for k, solid in enumerate(owners):
@@ -282,7 +316,7 @@ def _levers(parent, fixed, kinds, driven, solids, owners, n) -> np.ndarray:
                 moved[d] += abs(factor) * far
             elif kinds[link] == kernels.SLIDES:
                 moved[d] += abs(factor)
-                far += 0.1
+                far += travel[link - 1]
             far += np.linalg.norm(fixed[link, 9:])
             link = parent[link]
         lever = np.maximum(lever, moved)

@@ -138,6 +138,11 @@ _HANDS = {
 _ALSO = {"sdh": "sdh_left"}  # both SDHs are alike
 
 
+def is_known(spec: HandSpec) -> bool:
+    """Return whether a hand is one that `hand_spec` finds, and not the user's own."""
+    return _HANDS.get(spec.name) is spec
+
+
 def hand_names() -> list[str]:
     """Return the names that `hand_spec` knows."""
     return sorted({*_HANDS, *_ALSO})

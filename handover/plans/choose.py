@@ -14,12 +14,14 @@ import numpy as np
 
 from handover.grasps.arm_reach import ArmReach, build_arm_reach
 from handover.grasps.grasp_set import GraspSet
-from handover.grasps.hand import load_hand
+from handover.grasps.hand import make_hand
 from handover.plans.limb import Limb
 from handover.plans.mover import Mover
+from handover.plans.paths import OutOfTime
 from handover.plans.prune import Grasper, LazyGrasps
 from handover.plans.settings import SOLVE, PlanSettings
 from handover.scenes.scene import Scene
+from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.transforms import moved_points, pose_with, rotation_about
 
 
@@ -93,7 +95,7 @@ class Pair:
 @lru_cache(maxsize=16)
 def reach_of(limb: Limb) -> ArmReach:
     """Return an arm's average manipulability by voxel, frame of its mount."""
-    center = (0.0, 0.0, 0.5 * load_hand(limb.spec.name).reach)
+    center = (0.0, 0.0, 0.5 * make_hand(limb.spec).reach)
     how = limb.side, center, SOLVE.samples, SOLVE.cell
     return build_arm_reach(limb.chain, *how)
 
@@ -137,13 +139,21 @@ def arms_in_order(
 
 
 def tuples(
-    scene: Scene, pair: Pair, settings: PlanSettings, report: Report
+    scene: Scene,
+    pair: Pair,
+    settings: PlanSettings,
+    report: Report,
+    late: Callable[[], bool] = lambda: False,
 ) -> Iterator[HandoverChoice]:
     """Yield the tuples of H, the receiver's most dexterous first, then wider ones.
 
     Within a step all tuples of one grasp of the receiver come before those of the next,
     less dexterous one, whatever their poses; those of a pose by the giver's dexterity.
-    Nothing is tested before its turn.
+    Nothing is tested before its turn. `late` is asked before each pose: of arms without
+    a closed form one takes up to a second, and thousands may hold no tuple.
+
+    Raises:
+        OutOfTime: `late` says so.
     """
     giver, receiver = pair.giver, pair.receiver
     sides = giver.limb.side, receiver.limb.side
@@ -152,18 +162,14 @@ def tuples(
         "giver": scene.giver.values(giver.limb.joints),
         "receiver": scene.receiver.values(receiver.limb.joints),
     }
-    stand = partial(_stand, receiver, waits["giver"], scene.T_world_goal)
-    every = np.arange(len(pair.of_receiver))
-    looked = taking.look(scene.T_world_goal, every, stand)
+    looked = _at_goal(scene, taking, waits["giver"])
     report.looked[f"receiver {sides[1]}, goal"] = looked
     goals = Kept(iter(looked))
     if not goals.first(1):
         return
-    stand = partial(_stand, giver, waits["receiver"], scene.T_world_start)
-    every = np.arange(len(pair.of_giver))
-    starts = giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
+    starts = _at_start(scene, giving, waits["receiver"])
     report.looked[f"giver {sides[0]}, start"] = starts
-    clashes: dict[int, np.ndarray] = {}
+    every, clashes = np.arange(len(pair.of_giver)), {}
     for step, places, turns in steps_of(pair, settings):
         for found in goals:
             clash = clashes.setdefault(found[0], np.zeros(len(every), bool))
@@ -175,6 +181,8 @@ def tuples(
                 use[list(report.unpickable)] = False
                 if not use.any():
                     return
+                if late():
+                    raise OutOfTime("the choice of grasps and pose")
                 report.poses[0] += 1
                 hold = partial(_carry, receiver, waits["giver"], T_palm_object)
                 q_receiver = _taken(taking, found[0], T, hold)
@@ -214,6 +222,19 @@ class Kept:
             yield self._found[k]
 
 
+def _at_goal(scene: Scene, taking: Grasper, giver: np.ndarray) -> LazyGrasps:
+    """Look at all grasps of the receiver at the goal; the giver's joints (dof,)."""
+    stand = partial(_stand, taking.mover, giver, scene.T_world_goal)
+    return taking.look(scene.T_world_goal, np.arange(len(taking.grasps)), stand)
+
+
+def _at_start(scene: Scene, giving: Grasper, receiver: np.ndarray) -> LazyGrasps:
+    """Look at all grasps of the giver at the start; the receiver's joints (dof,)."""
+    stand = partial(_stand, giving.mover, receiver, scene.T_world_start)
+    every = np.arange(len(giving.grasps))
+    return giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
+
+
 def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:
     """Put the other arm and the object where they are; hands may touch the object."""
     mover.put_other(other)
@@ -244,7 +265,7 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
 
     They are neighbours of the middle between the shoulders, nearer than `near` [m].
     """
-    middle = 0.5 * (shoulder(pair.giver) + shoulder(pair.receiver))
+    middle = 0.5 * np.add(*shoulders(pair))
     n = int(np.ceil(near / SOLVE.cell))
     steps = np.arange(-n, n + 1) * SOLVE.cell
     grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1)
@@ -264,11 +285,26 @@ def common_voxels(pair: Pair, near: float) -> np.ndarray:
     return points[order]
 
 
-def shoulder(mover: Mover) -> np.ndarray:
-    """Return where an arm's shoulder is, world frame (3,) [m]."""
-    limb = mover.limb
+def shoulders(pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+    """Return where both shoulders are, the giver's first, world frame (3,) [m].
+
+    An arm that begins with a slide, as on a rail, slides to the other one.
+    """
+    receiver = _shoulder(pair.receiver, _shoulder(pair.giver))
+    return _shoulder(pair.giver, receiver), receiver
+
+
+def _shoulder(mover: Mover, toward: np.ndarray | None = None) -> np.ndarray:
+    """Return an arm's shoulder (3,), slid as far as it can to a point `toward` (3,)."""
+    limb, (R, at) = mover.limb, (mover.T_mount[:3, :3], mover.T_mount[:3, 3])
     local = limb.chain.fixed[0, 9:] if limb.seven is None else limb.seven.shoulder
-    return mover.T_mount[:3, :3] @ local + mover.T_mount[:3, 3]
+    here = R @ local + at
+    if toward is None or limb.tree_i[1, 2] != PRISMATIC:
+        return here
+    joint, row = limb.tree_i[1, 1], limb.tree_f[1]
+    along = R @ row[:9].reshape(3, 3) @ row[12:15]
+    ends = np.sort(row[15] * np.array([limb.lower[joint], limb.upper[joint]]) + row[16])
+    return here + np.clip((toward - here) @ along, *ends) * along
 
 
 def handover_poses(
@@ -277,7 +313,7 @@ def handover_poses(
     """Yield T_world_handover of Algorithm 3, lines 8 to 13, at places (n, 3)."""
     T_object_palm = pair.of_receiver.T_object_palm[grasp]
     R_palm = scene.T_world_goal[:3, :3] @ T_object_palm[:3, :3]
-    z = shoulder(pair.giver) - shoulder(pair.receiver)
+    z = np.subtract(*shoulders(pair))
     z /= np.linalg.norm(z)
     least = min_rotation(R_palm[:, 2], z) @ R_palm @ T_object_palm[:3, :3].T
     turned = [rotation_about(z, turn) @ least for turn in turns]

@@ -9,8 +9,8 @@ from handover.grasps._closing import clearance
 from handover.grasps.closing import is_outside, target_of
 from handover.grasps.grasp_build import build_grasps
 from handover.grasps.grasp_set import GraspSet, load_grasps
-from handover.grasps.hand import load_hand
-from handover.grasps.hands import HandSpec
+from handover.grasps.hand import Hand, load_hand, make_hand
+from handover.grasps.hands import HandSpec, hand_names, is_known
 from handover.grasps.objects import GraspObject
 from handover.plans.settings import ProofSettings
 from roadmap.builds.chunks import Progress
@@ -33,22 +33,33 @@ def grasps_for(
     Args:
         thing: The object.
         hand: The hand; those that are alike share a set.
-        folder: Where sets are, OBJECT-HAND each; `maps/built/grasps` if left.
+        folder: Where sets are, OBJECT-HAND each; `maps/built/grasps` if left. A set of
+            a hand of one's own has 12 digits of the hand's fingerprint in its name.
         progress: Called with (stage, done, total) while a set is made, which takes a
             minute.
     """
-    name = _ALIKE.get(hand.name, hand.name)
+    name, shape = _ALIKE.get(hand.name, hand.name), make_hand(hand)
+    if not is_known(hand) and not _is_like(shape, name):
+        name = f"{hand.name}-{shape.fingerprint()[:12]}"
+    else:
+        shape = load_hand(name)
     path = Path(folder or FOLDER) / f"{thing.name}-{name}"
     found = _stored(path, thing.fingerprint())
     if found is not None:
         return found
-    made = build_grasps(thing, name, progress=progress)
-    made.save(path)
-    return made
+    build_grasps(thing, shape, progress=progress).save(path)
+    return load_grasps(path)  # its hash is known now
+
+
+def _is_like(hand: Hand, name: str) -> bool:
+    """Return whether a hand is as the known one of that name."""
+    known = name in hand_names()
+    return known and load_hand(name).fingerprint() == hand.fingerprint()
 
 
 @lru_cache(maxsize=4096)
 def line_clear(
+    spec: HandSpec,
     grasps: GraspSet,
     g: int,
     length: float,
@@ -58,9 +69,10 @@ def line_clear(
     """Return whether an open hand comes straight to a grasp without cutting the object.
 
     By conservative advancement on exact distances, on a line of `length` [m] that ends
-    in grasp g; `away` is the unit vector from there along it, frame of the palm.
+    in grasp g of the hand `spec`; `away` is the unit vector from there along it, frame
+    of the palm.
     """
-    hand, target = load_hand(grasps.hand), target_once(grasps.thing)
+    hand, target = make_hand(spec), target_once(grasps.thing)
     T, back = grasps.T_object_palm[g].copy(), 0.0
     use, found = np.ones(len(hand.arrays.local), bool), np.full(2, -1)
     step = T[:3, :3] @ np.array(away)

@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.chain import Chain
 from handover.grasps.agents import Agent
-from handover.grasps.hand import capsules_in, load_hand
+from handover.grasps.hand import capsules_in
 from handover.grasps.hands import HandSpec
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import Solid, solid_of
@@ -171,8 +171,8 @@ def prism(radius: float, length: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _limb(source: str, side: str, hand: str) -> Limb:
-    model, spec = agent_model(source), load_hand(hand).spec
+def _limb(source: str, side: str, spec: HandSpec) -> Limb:
+    model = agent_model(source)
     description, whole = model.description, model.tree
     path = description.path(spec.palm)
     known = known_robot(source)
@@ -183,6 +183,7 @@ def _limb(source: str, side: str, hand: str) -> Limb:
         if j.kind in MOVABLE and j.name not in spec.joints
     )
     arm = [name for name in drivers if name not in held]
+    arm = _alone(whole, arm, spec, f"the {side} arm of {description.name}")
     joints = (*arm, *spec.joints)
     rows = [whole.joint_names.index(name) for name in joints]
     # bodies that these joints move, and what the first hangs on
@@ -232,6 +233,36 @@ def _limb(source: str, side: str, hand: str) -> Limb:
     )  # fmt: skip
 
 
+def _alone(whole: BodyTree, arm: list[str], spec: HandSpec, what: str) -> list[str]:
+    """Return the joints of an arm that carry nothing but arm and hand.
+
+    A lift, or a waist, that carries another arm or a head as well stays where it waits.
+
+    Raises:
+        BadInput: Fewer than three are left.
+    """
+    names, mine = whole.joint_names, {*arm, *spec.joints}
+    shared: dict[str, str] = {}  # joint of the arm -> one that it carries besides
+    for parent, joint, _ in whole.tree_i[1:]:
+        if names[joint] in mine:
+            continue
+        while parent > 0:
+            shared.setdefault(names[whole.tree_i[parent, 1]], names[joint])
+            parent = whole.tree_i[parent, 0]
+    left = [name for name in arm if name not in shared]
+    if not arm:
+        raise BadInput(
+            f"no joint of {what} moves its palm {spec.palm!r}; name a link at its end"
+        )
+    if len(left) < min(3, len(arm)):
+        besides = next(shared[name] for name in arm[::-1] if name in shared)
+        raise BadInput(
+            f"{what} has {len(left)} joints that carry nothing but arm and hand; make "
+            f"{besides!r} fixed in the URDF, or name it in a preshape of the hand"
+        )
+    return left
+
+
 def limb_of(agent: Agent, side: str) -> Limb:
     """Return an arm of an agent with its hand, made once; BadInput: no such arm."""
     if side not in agent.arms:
@@ -239,7 +270,7 @@ def limb_of(agent: Agent, side: str) -> Limb:
             f"{agent.name} has no {side} arm; give one of {', '.join(agent.arms)}"
         )
     arm = agent.arms[side]
-    return _limb(arm.robot, side, arm.hand)
+    return _limb(arm.robot, side, arm.spec)
 
 
 def _parts_of(model: AgentModel, spec: HandSpec, index: dict[int, int]) -> tuple:

@@ -16,10 +16,12 @@ from handover.plans import _space as kernels
 from handover.plans.limb import Limb, balls_of, box_corners, prism
 from handover.plans.settings import SOLVE, ProofSettings, SolveSettings
 from handover.scenes.scene import PlacedAgent, Scene
+from odm.obstacles.mesh_surface import volume
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from roadmap.geometry.solids import hull_corners
+from roadmap.geometry.solids import hull_corners, hull_facets
 from roadmap.kinematics._forward import body_frames
 from roadmap.kinematics._seven import MOST
+from roadmap.kinematics.joint_tree import PRISMATIC
 from roadmap.kinematics.seven import free_angles, room
 from roadmap.transforms import flat_pose, moved_points, pose_of_flat
 
@@ -424,10 +426,7 @@ def hand_ball(limb: Limb) -> tuple:
             row = limb.tree_f[body]
             at = row[9:12] - (center if limb.tree_i[body, 0] == limb.palm else 0.0)
             reach += np.linalg.norm(at)
-            if limb.tree_i[body, 2] == 2:  # a slide
-                joint = limb.tree_i[body, 1]
-                ends = np.abs([limb.lower[joint], limb.upper[joint]])
-                reach += abs(row[15]) * ends.max() + abs(row[16])
+            reach += _travel(limb, body)
             body = limb.tree_i[body, 0]
         far = max(far, reach)
     return (*center.tolist(), far + 1e-9)
@@ -435,22 +434,28 @@ def hand_ball(limb: Limb) -> tuple:
 
 @lru_cache(maxsize=16)
 def _extent(limb: Limb) -> list[float]:
-    """Bound how far each group gets from the arm's first joint [m]."""
-    far = np.zeros(len(limb.tree_i))
-    for b in range(2, len(limb.tree_i)):
-        far[b] = far[limb.tree_i[b, 0]] + np.linalg.norm(limb.tree_f[b, 9:12])
-    found = []
-    for name, begin, end in limb.groups:
-        parts = limb.parts[begin:end]
-        slide = 0.1 if name == "hand" else 0.0  # of the jaws of any gripper
-        found.append(
-            slide
-            + max(
-                far[p.body] + np.linalg.norm(p.points, axis=1).max() + p.radius
-                for p in parts
-            )
+    """Bound how far each group gets from where the arm's first joint is at 0 [m]."""
+    far, first = np.zeros(len(limb.tree_i)), limb.tree_f[1, 9:12]
+    for b in range(1, len(limb.tree_i)):
+        parent, at = limb.tree_i[b, 0], limb.tree_f[b, 9:12]
+        way = np.linalg.norm(at - first if parent == 0 else at)
+        far[b] = far[parent] + way + _travel(limb, b)
+    return [
+        max(
+            far[p.body] + np.linalg.norm(p.points, axis=1).max() + p.radius
+            for p in limb.parts[begin:end]
         )
-    return found
+        for _, begin, end in limb.groups
+    ]
+
+
+def _travel(limb: Limb, body: int) -> float:
+    """Bound how far a body's own slide moves it from where it is at 0 [m]."""
+    if limb.tree_i[body, 2] != PRISMATIC:
+        return 0.0
+    joint, (factor, offset) = limb.tree_i[body, 1], limb.tree_f[body, 15:17]
+    most = max(abs(limb.lower[joint]), abs(limb.upper[joint]))
+    return float(abs(factor) * most + abs(offset))
 
 
 def _fingers(groups: list, limb: Limb, near: frozenset) -> dict[int, tuple]:
@@ -492,6 +497,14 @@ def _hulls(thing: GraspObject) -> tuple[np.ndarray, ...]:
     """Return the corners of the hulls of an object's parts, its frame [m]."""
     moved = [(part.vertices, part.T_base_shape) for part in thing.parts]
     return tuple(hull_corners(moved_points(v, T)) for v, T in moved)
+
+
+def has_hollows(shape: Shape) -> bool:
+    """Return whether a shape is a mesh with less than 0.99 of its hull's volume."""
+    if not isinstance(shape, Mesh):
+        return False
+    corners, faces = shape.vertices, hull_facets(shape.vertices)
+    return volume(corners, shape.faces) < 0.99 * volume(corners, faces)
 
 
 def shape_points(shape: Shape) -> tuple[np.ndarray, float]:

@@ -137,7 +137,8 @@ class Paths:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the line of `line_to` that goes `away`, a unit vector of the palm."""
         mover, T = self.mover, self.mover.T_world_object
-        if not line_clear(*held, self.settings.back, away, self.mover.proof):
+        spec, back = mover.limb.spec, self.settings.back
+        if not line_clear(spec, *held, back, away, mover.proof):
             raise Blocked(
                 f"no straight line for {what}: the hand would cut the object",
                 by_hand=True,

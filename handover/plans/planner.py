@@ -13,7 +13,7 @@ from handover.plans.choose import HandoverChoice, Pair, Report, arms_in_order, t
 from handover.plans.grasps import grasps_for
 from handover.plans.limb import limb_of
 from handover.plans.motions import MotionPlanner, PlannedMotion, home_of, timed
-from handover.plans.mover import Mover, mount_pose
+from handover.plans.mover import Mover, has_hollows, mount_pose
 from handover.plans.paths import Blocked, Clock, OutOfTime
 from handover.plans.settings import PlanSettings
 from handover.scenes.scene import Scene
@@ -119,7 +119,7 @@ def plan_handover(
         for who, placed in (("giver", scene.giver), ("receiver", scene.receiver))
     }
     sets = {
-        limb.spec.name: (grasps or {}).get(limb.spec.name)
+        limb.spec: (grasps or {}).get(limb.spec.name)
         or grasps_for(scene.obj, limb.spec, folder)
         for some in limbs.values()
         for limb in some.values()
@@ -226,7 +226,7 @@ class _Search:
         self.limbs, self.sets = limbs, sets
         self.clock = Clock(limit_s)
         self.reason, self.late = "", ""
-        self.best_failure = -1
+        self.best_failure, self.found = -1, False
 
     def run(self, motions: bool) -> HandoverPlan:
         scene, report = self.scene, self.report
@@ -279,8 +279,8 @@ class _Search:
         return Pair(
             Mover(scene, scene.giver, one, scene.receiver, other),
             Mover(scene, scene.receiver, other, scene.giver, one),
-            self.sets[one.spec.name],
-            self.sets[other.spec.name],
+            self.sets[one.spec],
+            self.sets[other.spec],
         )
 
     def _start_blocked(self, pair: Pair) -> str:
@@ -314,7 +314,7 @@ class _Search:
     def _with(self, pair: Pair, motions: bool) -> HandoverPlan | None:
         """Return a plan with these arms; None: there is none, `reason` says why."""
         report, settings, begun = self.report, self.settings, self.clock.spent
-        stream = tuples(self.scene, pair, settings, report)
+        stream = tuples(self.scene, pair, settings, report, self._late)
         tried = _Tried(MotionPlanner(self.scene, pair, settings, self.clock), report)
         found, chosen = None, None
         try:
@@ -331,6 +331,7 @@ class _Search:
             self._explain(pair, len(tried.seen))
             return None
         moving = self.clock.spent
+        self.found = True
         pieces, used = found
         done = timed(pieces, pair, used)
         tried.seconds += self.clock.spent - moving
@@ -343,6 +344,10 @@ class _Search:
             self.scene, True, "", used, pair.of_giver, pair.of_receiver, done, report,
             _Others(stream, tried, used, settings.tuples, report),
         )  # fmt: skip
+
+    def _late(self) -> bool:
+        """Return whether the time is over; a plan's other tuples are not cut by it."""
+        return not self.found and self.clock.over
 
     def _counted(
         self, stream: Iterator[HandoverChoice], seen: list
@@ -394,6 +399,12 @@ class _Search:
             self.best_failure, self.reason = far, reason
 
     def _failed(self, reason: str) -> HandoverPlan:
+        hollow = [f.name for f in self.scene.scenery if has_hollows(f.shape)]
+        if hollow:
+            reason += (
+                f"; {hollow[0]} counts as its hull: give it as convex parts where its "
+                "hollows matter"
+            )
         return HandoverPlan(self.scene, False, reason, report=self.report)
 
 

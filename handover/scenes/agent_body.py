@@ -14,7 +14,7 @@ import numpy as np
 from odm.obstacles import shapes
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import Solid, solid_of
-from roadmap.loading.body_tree import link_poses
+from roadmap.loading.body_tree import bodies_of, link_poses
 from roadmap.robot.description import MOVABLE, Description, read_description
 from roadmap.robot.known import known_robot, robot_file
 from roadmap.transforms import pose_of
@@ -38,7 +38,13 @@ class AgentBody:
     neighbours: frozenset[tuple[str, str]]
 
     def checked(self, joints: Mapping[str, float], whose: str) -> dict[str, float]:
-        """Return a value for every joint, in order, known and within limits."""
+        """Return a value for every joint, in order, known and within limits.
+
+        What is outside by 1e-3 at most is put on the limit.
+
+        Raises:
+            BadInput: A joint that it has not, or a value outside its limits.
+        """
         for name, value in joints.items():
             if name not in self.joints:
                 near = difflib.get_close_matches(name, self.joints, 3)
@@ -55,7 +61,8 @@ class AgentBody:
                     f"{high:.6g}; give a value within them, in rad or m"
                 )
         stand = {name: float(np.clip(0.0, *self.limits[name])) for name in self.joints}
-        return stand | {name: float(value) for name, value in joints.items()}
+        kept = {n: float(np.clip(v, *self.limits[n])) for n, v in joints.items()}
+        return stand | kept
 
     def frames(self, joints: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return T_base_link, (4, 4) [m], of every link."""
@@ -89,6 +96,9 @@ def agent_body(source: str) -> AgentBody:
         else (j.lower, j.upper)
         for j in movable
     }
+    driven = bodies_of(description, names, {}).limits  # those of followers count, too
+    rows = np.stack([driven["lower"], driven["upper"]], axis=1).tolist()
+    limits |= dict(zip(names, map(tuple, rows), strict=True))
     found = []
     for k, name in enumerate(links):
         link = description.links[name]

@@ -2,20 +2,20 @@
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 
 from handover.grasps.agents import Agent, AgentArm, Posture, load_agent
-from handover.grasps.hands import HandSpec
+from handover.grasps.hands import HandSpec, hand_spec
 from handover.grasps.objects import GraspObject, load_object
+from handover.scenes.own_hand import KEYS, check_hand, own_hand
 from handover.scenes.scene import Fixture, PlacedAgent, Scene, stand
 from odm.obstacles.scenery import shapes_of_tables
-from roadmap.errors import BadInput, did_you_mean
+from roadmap.errors import BadInput
 from roadmap.ranges import check_rpy, is_between
-from roadmap.robot.description import read_description
-from roadmap.robot.known import robot_file
 from roadmap.transforms import pose_of
 
 _PARTS = {"giver", "receiver", "object", "start", "goal"}
@@ -25,10 +25,7 @@ _KEYS = {
         *("agent", "urdf", "arms", "posture", "position", "rpy", "joints", "use")
     },
     "an arm": {"tip", "hand"},
-    "a hand": {
-        *("name", "root", "palm", "fingers", "closed", "preshapes"),
-        *("palm_position", "palm_rpy"),
-    },
+    "a hand": KEYS,
     "[object]": {"name", "file", "mass_kg", "scale"},
     "[start]": {"position", "rpy"},
     "[goal]": {"position", "rpy", "held"},
@@ -59,8 +56,11 @@ def read_scene(path: Path, seed: int = 0) -> Scene:
     held = goal.get("held", False)
     if not isinstance(held, bool):
         raise BadInput(f"{path}: held of [goal] is {held!r}; give true or false")
+    name = table.get("name", path.stem)
+    if not isinstance(name, str) or not name.isprintable() or not name.strip():
+        raise BadInput(f"{path}: the scene's name is {name!r}; give a text of one line")
     return Scene(
-        str(table.get("name", path.stem)),
+        name,
         seed,
         _placed(parts["giver"], "[giver]", path),
         _placed(parts["receiver"], "[receiver]", path),
@@ -113,18 +113,20 @@ def _placed(table: dict, what: str, path: Path) -> PlacedAgent:
     agent = load_agent(table["agent"]) if "agent" in table else _own(table, what, path)
     posture = table.get("posture", next(iter(agent.postures)))
     joints = _numbers(table.get("joints", {}), f"joints of {what}", path)
-    arms = table.get("use", [])
-    if not isinstance(arms, list) or not all(isinstance(side, str) for side in arms):
+    arms = table.get("use", list(agent.arms))
+    listed = isinstance(arms, list) and len(arms) == len(set(map(str, arms))) > 0
+    if not listed or not all(isinstance(side, str) for side in arms):
         raise BadInput(
-            f"{path}: use of {what} is {arms!r}; write a list of arms, such as "
-            '["right"]'
+            f"{path}: use of {what} is {arms!r}; write a list of arms, each once, such "
+            'as ["right"]'
         )
-    return stand(agent, _pose(table, what, path), posture, joints, tuple(arms) or None)
+    return stand(agent, _pose(table, what, path), posture, joints, tuple(arms))
 
 
 def _own(table: dict, what: str, path: Path) -> Agent:
     """Return an agent of the user's, from a URDF."""
-    urdf = path.parent / str(table["urdf"])
+    # a plan names it, and is read from anywhere
+    urdf = (path.parent / str(table["urdf"])).resolve()
     arms = {}
     for side, entry in _table(table.get("arms", {}), f"arms of {what}", path).items():
         named = f"the {side} arm of {what}"
@@ -134,10 +136,14 @@ def _own(table: dict, what: str, path: Path) -> Agent:
                 raise BadInput(f"{path}: {named} has no {key}; name it")
         hand = entry["hand"]
         own = isinstance(hand, dict)
-        if own:
-            hand = _hand(hand, str(urdf), named, path)
+        # what the arm carries is the hand as its own URDF has it
+        hand = (
+            _hand(hand, str(urdf), named, path)
+            if own
+            else replace(hand_spec(hand), robot=str(urdf))
+        )
         arms[side] = AgentArm(side, str(urdf), hand, str(entry["tip"]))
-        _check_hand(arms[side], own, named, path)
+        check_hand(arms[side], own, named, path)
     if not arms:
         raise BadInput(
             f"{path}: {what} has a urdf and no arm; give [{what.strip('[]')}.arms."
@@ -146,41 +152,23 @@ def _own(table: dict, what: str, path: Path) -> Agent:
     return Agent(urdf.stem, arms, {"fixed": Posture()})
 
 
-def _check_hand(arm: AgentArm, own: bool, whose: str, path: Path) -> None:
-    """Refuse a hand, the user's own or a known one, of whose joints one is missing."""
-    spec, file = arm.spec, robot_file(arm.robot)
-    joints = read_description(file).joints
-    missing = [n for finger in spec.fingers for n in finger if n not in joints]
-    if missing:
-        give = "give the hand of the URDF as a table, see docs/plans.md"
-        if own:
-            meant = did_you_mean(missing[0], joints)
-            give = f"{meant} joints of it: {', '.join(joints)}"
-        raise BadInput(
-            f"{path}: {whose} has the hand {spec.name!r}, but {file.name} has no joint "
-            f"{missing[0]!r}, which moves that hand; {give}"
-        )
-
-
 def _hand(table: dict, urdf: str, whose: str, path: Path) -> HandSpec:
     _known(table, "a hand", path)
-    for key in ("root", "palm", "fingers", "closed", "preshapes"):
-        if key not in table:
-            raise BadInput(f"{path}: the hand of {whose} has no {key}; add it")
-    at = {key: table.get(f"palm_{key}", (0.0, 0.0, 0.0)) for key in ("position", "rpy")}
     what = f"the hand of {whose}"
-    _lists(table["fingers"], list, f"fingers of {what}", '[["joint"]]', path)
-    _lists(table["preshapes"], dict, f"preshapes of {what}", "[{joint = 0.1}]", path)
-    return HandSpec(
-        str(table.get("name", f"{Path(urdf).stem}_hand")),
-        urdf,
-        str(table["root"]),
-        str(table["palm"]),
-        tuple(tuple(finger) for finger in table["fingers"]),
-        _numbers(table["closed"], f"closed of {what}", path),
-        tuple(_numbers(s, f"preshapes of {what}", path) for s in table["preshapes"]),
-        _pose(at, f"the palm of {whose}", path),
-    )
+    for key, of, such in (
+        ("fingers", list, '[["joint"]]'),
+        ("preshapes", dict, "[{joint = 0.1}]"),
+    ):
+        if key in table:
+            _lists(table[key], of, f"{key} of {what}", such, path)
+    numbers = {
+        "closed": lambda t, w: _numbers(t, w, path),
+        "preshapes": lambda rows, w: [_numbers(row, w, path) for row in rows],
+    }
+    read = {k: numbers[k](table[k], f"{k} of {what}") for k in numbers if k in table}
+    at = {key: table.get(f"palm_{key}", (0.0, 0.0, 0.0)) for key in ("position", "rpy")}
+    T = _pose(at, f"the palm of {whose}", path)
+    return own_hand({**table, **read}, urdf, T, whose, path)
 
 
 def _lists(given: object, of: type, what: str, such_as: str, path: Path) -> None:
@@ -199,6 +187,17 @@ def _numbers(table: object, what: str, path: Path) -> dict[str, float]:
 def _object(table: dict, path: Path) -> GraspObject:
     if ("name" in table) == ("file" in table):
         raise BadInput(f"{path}: [object] needs either name or file; give one of both")
+    mass, scale = table.get("mass_kg", 1.0), table.get("scale", 1.0)
+    if not is_between(mass, 1e-6, 100.0):
+        raise BadInput(
+            f"{path}: mass_kg of [object] is {mass!r}; give kilograms, up to 100"
+        )
+    factors = scale if isinstance(scale, list) and len(scale) == 3 else [scale]
+    if not all(is_between(factor, 1e-9, 1e9) for factor in factors):
+        raise BadInput(
+            f"{path}: scale of [object] is {scale!r}; give what turns the file's unit "
+            "into metres, such as 0.001"
+        )
     if "name" in table:
         return load_object(table["name"], table.get("mass_kg"), table.get("scale", 1.0))
     file = path.parent / str(table["file"])

@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
+from handover.grasps.hand import make_hand
 from handover.scenes.scene import PlacedAgent, Scene
 from odm.exact import _distances as kernels
 from odm.exact.distances import ExactObstacles, obstacles_of
@@ -18,7 +19,8 @@ def start_distances(scene: Scene) -> list[tuple[float, str, str]]:
     """Return (distance, one, other) of all that is nearer than 5 cm, nearest first.
 
     Both agents as they wait, with themselves and each other, the object at its start,
-    and furniture; pairs of furniture and neighbouring links are left out. 0 is contact.
+    and furniture; pairs of furniture, neighbouring links and links of a hand that meet
+    where it stands open are left out. 0 is contact.
     """
     giver, receiver = _links(scene.giver), _links(scene.receiver)
     thing = {scene.obj.name: obstacles_of(scene.object_shapes(scene.T_world_start))}
@@ -73,14 +75,29 @@ def _between(
 def _within(
     placed: PlacedAgent, group: dict[str, ExactObstacles]
 ) -> list[tuple[float, str, str]]:
-    found = []
+    found, linked = [], _linkages(placed)
     for one, other in combinations(group, 2):
         links = one.partition("/")[2], other.partition("/")[2]
-        if links in placed.body.neighbours:
+        if links in placed.body.neighbours or frozenset(links) in linked:
             continue
         distance = _distance(group[one], group[other])
         if distance < _CAP:
             found.append((distance, one, other))
+    return found
+
+
+def _linkages(placed: PlacedAgent) -> set[frozenset[str]]:
+    """Return pairs of links of a hand that meet where it stands open.
+
+    So do the bars of a gripper whose jaws move on parallel bars: the URDF's tree has no
+    joint where the loop closes.
+    """
+    found = set()
+    for arm in placed.agent.arms.values():
+        hand = make_hand(arm.spec)
+        apart = {frozenset(hand.links[k] for k in pair) for pair in hand.pairs.tolist()}
+        every = map(frozenset, combinations(hand.links, 2))
+        found |= {pair for pair in every if pair not in apart}
     return found
 
 

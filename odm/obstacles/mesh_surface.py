@@ -1,11 +1,15 @@
 """Points on a closed triangle mesh, and the covering radius computed for them."""
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from odm.obstacles._surfaces import cover_lists, greedy_cover
 from roadmap.errors import BadInput
+
+if TYPE_CHECKING:
+    import trimesh
 
 _FINE = 6.0  # triangles are cut to a sixth of the spacing before points are chosen
 FRAME_FINE = 4.0  # ... of a mesh first seen in a frame: 9 % more points, in a third
@@ -83,9 +87,7 @@ def closed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     # as it is, or with its equal corners made one: a hull may have corners that are
     # nanometres apart, and to make those one tears it open
     if _open_edges(faces):
-        import trimesh
-
-        mesh = trimesh.Trimesh(vertices, faces, process=True)
+        mesh = _merged(vertices, faces)
         if not mesh.is_watertight:
             left = _open_edges(mesh.faces) if len(mesh.faces) else 3 * len(faces)
             raise BadInput(
@@ -121,6 +123,67 @@ def require_solid(vertices: np.ndarray, faces: np.ndarray) -> None:
         closed_triangles(vertices, faces)
 
 
+def turned_alike(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the faces (m, 3) of a solid, turned so that neighbours agree.
+
+    Qhull and some programs turn them either way; then what is inside would count as
+    outside. A closed part in which two faces disagree is turned outside out; one in
+    which all agree stays as it is: turned inside out, it is a hollow.
+
+    Args:
+        vertices: (n, 3) [m].
+        faces: (m, 3) vertex indices of a mesh that `require_solid` takes.
+
+    Raises:
+        BadInput: Faces without area, which leave nothing to compare.
+    """
+    joined = faces
+    if _open_edges(faces):
+        if is_small_hull(vertices, faces):
+            return faces
+        joined = np.asarray(_merged(vertices, faces).faces, np.int64)
+        if len(joined) != len(faces):
+            raise BadInput(
+                f"{len(faces) - len(joined)} of {len(faces)} faces of a mesh have no "
+                "area; remove them"
+            )
+    ends = np.concatenate([joined[:, [0, 1]], joined[:, [1, 2]], joined[:, [2, 0]]])
+    forth = ends[:, 0] < ends[:, 1]
+    key = ends.min(axis=1) * (int(ends.max()) + 1) + ends.max(axis=1)
+    order = np.argsort(key, kind="stable").reshape(-1, 2)  # each edge has two faces
+    clash = forth[order[:, 0]] == forth[order[:, 1]]
+    if not clash.any():
+        return faces
+    return _agreed(vertices, faces, order % len(faces), clash)
+
+
+def _agreed(
+    vertices: np.ndarray, faces: np.ndarray, pairs: np.ndarray, clash: np.ndarray
+) -> np.ndarray:
+    """Return faces that agree; pairs (e, 2) are neighbours, clash (e,) if they do not.
+
+    A face turns if an odd number of clashes lies on the way to it from another one.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+    m, rows = len(faces), np.concatenate([pairs, pairs[:, ::-1]])
+    told = np.tile(np.where(clash, 2.0, 1.0), 2)
+    kept = np.unique(rows, axis=0, return_index=True)[1]  # two may share two edges
+    near = coo_matrix((told[kept], rows[kept].T), (m, m)).tocsr()
+    _, part = connected_components(near, directed=False)
+    turned, found = np.zeros(m, bool), faces.copy()
+    for k in np.unique(part[pairs[clash, 0]]):
+        first = int(np.flatnonzero(part == k)[0])
+        way, before = breadth_first_order(near, first, directed=False)
+        for face in way[1:]:
+            turned[face] = turned[before[face]] ^ (near[before[face], face] == 2.0)
+        found[way] = np.where(turned[way, None], faces[way, ::-1], faces[way])
+        if volume(vertices, found[way]) < 0.0:
+            found[way] = found[way, ::-1]
+    return found
+
+
 def is_small_hull(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Return whether a mesh is convex, but for rounding, and has few faces.
 
@@ -145,6 +208,13 @@ def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     middle = a.mean(axis=0)
     return float(np.einsum("fi,fi->", a - middle, np.cross(b - middle, c - middle)) / 6)
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray) -> "trimesh.Trimesh":
+    """Return a mesh whose equal corners are made one."""
+    import trimesh
+
+    return trimesh.Trimesh(vertices, faces, process=True)
 
 
 def _open_edges(faces: np.ndarray) -> int:

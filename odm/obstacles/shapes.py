@@ -148,7 +148,7 @@ class Mesh(_Posed):
 
     def __post_init__(self) -> None:
         """Check the arrays, and that the mesh is closed; turn it outside out."""
-        from odm.obstacles.mesh_surface import require_solid, volume
+        from odm.obstacles.mesh_surface import require_solid, turned_alike, volume
 
         vertices = as_floats("the vertices of a mesh", self.vertices)
         faces = as_floats("the faces of a mesh", self.faces)
@@ -173,6 +173,7 @@ class Mesh(_Posed):
             )
         faces = faces.astype(np.int64)
         require_solid(vertices, faces)
+        faces = turned_alike(vertices, faces)
         if volume(vertices, faces) < 0.0:
             faces = faces[:, ::-1]
         self._set("vertices", frozen(vertices, np.float64))

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from handover import GraspSet, load_hand
+from handover import GraspSet, hand_names, load_hand
+from roadmap.errors import BadInput
 from roadmap.transforms import moved_points, pose_of_flat
 from sim.draw import style
 from sim.draw.surroundings import capsule_mesh, show_box
@@ -16,6 +17,11 @@ _SECTIONS = 12  # facets of a round link
 
 def write_grasp_plot(grasps: GraspSet, path: str | Path) -> Path:
     """Draw where the palms are, by quality, and five closed hands: a PNG."""
+    if grasps.hand not in hand_names():
+        raise BadInput(
+            f"the hand {grasps.hand!r} of this set is of a robot of one's own, which "
+            "the set does not hold; draw a plan: odm handover plan SCENE --plot PNG"
+        )
     figure = style.new_figure(
         13.0,
         8.6,

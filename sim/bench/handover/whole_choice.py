@@ -49,7 +49,7 @@ def key_of(receiver: int, giver: int, T_world_handover: np.ndarray) -> Key:
 
 
 def pair_of(scene: Scene, arms: tuple[str, str], sets: Mapping[str, GraspSet]) -> Pair:
-    """Return the arms (giver's, receiver's) of a scene; sets: hand -> grasps."""
+    """Return the arms (giver's, receiver's) of a scene; sets: hand's name -> grasps."""
     one, other = (
         limb_of(scene.giver.agent, arms[0]),
         limb_of(scene.receiver.agent, arms[1]),

@@ -10,6 +10,7 @@ from robot_asked import solutions
 import handover
 from handover.plans import _prune as kernels
 from handover.plans.choose import Report, tuples
+from handover.plans.paths import OutOfTime
 from handover.plans.settings import PlanSettings
 from roadmap.kinematics._chain import dexterity, forward, jacobian
 from sim.bench.handover.whole_choice import (
@@ -51,6 +52,20 @@ def chosen(scene, grasps):
     found = tuples(scene, pair, SETTINGS, report)
     first = next(found)
     return [first, *takewhile(lambda t: t.step == first.step, found)], report
+
+
+def test_time_is_looked_at_before_each_pose(scene, pair):
+    """Arms without a closed form look at thousands of poses between two tuples."""
+    report, looks = Report(), []
+
+    def late():
+        looks.append(report.poses[0])
+        return len(looks) > 4
+
+    with pytest.raises(OutOfTime, match="the choice of grasps and pose"):
+        for _ in tuples(scene, pair, SETTINGS, report, late):
+            pass
+    assert looks == [0, 1, 2, 3, 4]
 
 
 def test_h_is_that_of_the_algorithms_as_they_are_written(scene, pair, chosen):

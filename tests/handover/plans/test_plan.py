@@ -174,6 +174,26 @@ def test_no_grasp_survives_at_the_start(scene, grasps):
     assert "none is left" in plan.reason
 
 
+def test_a_mesh_that_counts_as_its_hull_is_named(scene, grasps):
+    import trimesh
+
+    from odm.obstacles.shapes import Mesh
+
+    at = scene.T_world_start.copy()
+    at[2, 3] += 0.06
+    sides = [trimesh.creation.box((0.02, 0.3, 0.3)) for _ in range(2)]
+    for side, x in zip(sides, (-0.3, 0.3), strict=True):
+        side.apply_translation((x, 0.0, 0.0))
+    bin_mesh = trimesh.util.concatenate(sides)
+    shelf = handover.Fixture("shelf", Mesh(bin_mesh.vertices, bin_mesh.faces, at))
+    plan = plan_handover(
+        replace(scene, scenery=(*scene.scenery, shelf)), 60.0, grasps=grasps
+    )
+    assert not plan and "shelf counts as its hull: give it as convex" in plan.reason
+    far = replace(scene, T_world_start=pose_of((3.0, 0.0, 0.8)))
+    assert "hull" not in plan_handover(far, 60.0, grasps=grasps).reason
+
+
 def test_a_start_in_collision(scene, grasps):
     from odm.obstacles.shapes import Box
 

@@ -9,6 +9,7 @@ from wrappers import with_wrapper
 
 import odm
 from odm.close_test._static import solid_distance
+from odm.obstacles.mesh_surface import is_inside
 from odm.obstacles.scenery import Scenery, parse_scenery
 from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from odm.obstacles.surfaces import Surface, surface_of
@@ -325,6 +326,33 @@ def test_a_pose_in_single_precision_is_one_and_one_off_by_5e_6_is_none():
 def test_a_mesh_of_no_numbers_is_refused(vertices, faces):
     with pytest.raises(BadInput):
         Mesh(vertices, faces)
+
+
+def test_a_mesh_whose_faces_turn_both_ways_is_turned_outside_out():
+    """As qhull makes them; what is in such a mesh counted as outside of it."""
+    ball = trimesh.creation.icosphere(2, 0.1)
+    faces = np.array(ball.faces)
+    faces[::2] = faces[::2, ::-1]
+    assert not is_inside(ball.vertices[faces], np.zeros((1, 3)))[0]
+    soup = np.arange(faces.size).reshape(-1, 3)  # as in an STL: no common corners
+    for mesh in (
+        Mesh(ball.vertices, faces),
+        Mesh(ball.vertices[faces].reshape(-1, 3), soup),
+        Mesh(ball.vertices, np.array(ball.faces)[:, ::-1]),
+    ):
+        corners = mesh.vertices[mesh.faces]
+        out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (np.einsum("ij,ij->i", out, corners.mean(axis=1)) > 0.0).all()
+        assert is_inside(corners, np.zeros((1, 3)))[0]
+
+
+def test_a_hollow_in_a_mesh_stays_one():
+    shell = trimesh.creation.icosphere(2, 0.1)
+    hollow = np.array(shell.faces)[:, ::-1] + len(shell.vertices)
+    vertices = np.concatenate([shell.vertices, 0.5 * shell.vertices])
+    mesh = Mesh(vertices, np.concatenate([shell.faces, hollow]))
+    inside = is_inside(mesh.vertices[mesh.faces], np.array([[0, 0, 0], [0, 0, 0.075]]))
+    assert inside.tolist() == [False, True]
 
 
 def test_a_mesh_with_a_hole_is_refused_where_it_is_made(tmp_path):
