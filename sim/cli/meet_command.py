@@ -14,7 +14,7 @@ from sim.terminal.output import report
 from sim.terminal.progress import Bars
 
 if TYPE_CHECKING:
-    from handover import MeetSettings, ReachMap, Target
+    from handover import Human, MeetSettings, ReachMap, Target
     from roadmap import Robot
     from sim.draw.meet_cut import Meeting
 
@@ -92,6 +92,8 @@ def meet_command(request: MeetRequest) -> None:
     with Bars() as tell:
         robot, reach, arm_map = _loaded(request, tell)
         settings, meetings = _settings(robot, request), []
+        for who in people:
+            _check_place(robot, settings, who)
         for distance, who in zip(distances, people, strict=True):
             tell("meeting", len(meetings), len(people))
             meet = InteractionWorkspace(reach, who, obj, None, settings, arm_map)
@@ -106,6 +108,26 @@ def meet_command(request: MeetRequest) -> None:
             picture = write_meet_picture(meetings, robot, rest, request.plot, tell)
             facts["plot"] = str(picture)
     report(facts, request.json, _show_meet)
+
+
+def _check_place(robot: "Robot", settings: "MeetSettings", who: "Human") -> None:
+    """Refuse a person who would stand in the robot's base."""
+    import numpy as np
+
+    from roadmap.errors import BadInput
+    from roadmap.geometry.gaps import ball_gaps, moved_rods
+    from roadmap.kinematics.forward import sphere_centers
+
+    rods = moved_rods(who.capsules(), np.linalg.inv(settings.T_world_base))
+    middle = sphere_centers(robot, 0.5 * (robot.lower + robot.upper))
+    balls = np.column_stack([middle, robot.spheres[:, 3]])[~robot.moving]
+    deepest = -ball_gaps(balls, rods).min(initial=0.0)
+    if deepest > 0.0:
+        x, y = who.T_world_pelvis[:2, 3]
+        raise BadInput(
+            f"the person at {x:.2f}, {y:.2f} m would stand {100 * deepest:.0f} cm deep "
+            "in the robot's base; give a larger --distance, or --aside"
+        )
 
 
 def meet_facts(meetings: list["Meeting"], k: int) -> dict:

@@ -185,6 +185,7 @@ def test_a_robot_with_a_tall_base_stands_on_the_floor(robot):
         (("--cell", "0.01"), "are finer than the"),
         (("--rotations", "5"), "no grid has 5 rotations"),
         (("--distance", "nan"), "--distance is nan"),
+        (("--distance", "0.9", "--distance", "0"), "deep in the robot's base; give"),
         (("--human-reach", "MAP", *COARSE), "a map of kawasaki"),
         (("--robot", "plain_arm"), "was built for another robot"),
         (("--tip", "no_link"), "there is no link 'no_link'"),
