@@ -23,7 +23,7 @@ from odm.close_test.sorted_clouds import SortedCloud
 from odm.close_test.static import StaticTest
 from odm.frame.sensor_watch import SensorWatch
 from odm.obstacles import _occupancy as occupancy
-from odm.obstacles._cloud import LAYOUT, N_OUTSIDE, SORTED
+from odm.obstacles._cloud import ARE_REACHED, LAYOUT, N_OUTSIDE, SORTED
 from odm.obstacles._solid_samples import KEPT, Patterns, move_solids
 from odm.obstacles._solids import MESH, Solids
 from odm.obstacles.obstacles import Obstacles, lent_arrays, room_for, write_meshes
@@ -683,6 +683,7 @@ class Frame:
         self.memory.search.memo[:] = -1
         self.memory.recent.memo[:] = -1
         self.memory.search.hit_at[:] = 0
+        self.memory.cloud.counts[ARE_REACHED] = 0  # by another arm
 
     def _forget_slacks(self) -> None:
         """Forget what motions had to spare: of another robot, or another distance."""

@@ -168,6 +168,21 @@ def test_motions_and_later_places_share_what_the_robot_can_reach(
     assert counts[LAYOUT] == SORTED and counts[ARE_REACHED] == 0
 
 
+def test_what_is_taken_into_the_hand_reaches_farther(small_map, planner, rng):
+    memory, q = planner.memory, np.zeros(small_map.robot.dof)
+    planner.step(rng.uniform(-1.0, 1.0, (500, 3)), q=q)
+    reached = []
+    for take in (None, np.array([[0.0, 0.0, 0.3, 0.02], [0.0, 0.0, 0.6, 0.02]])):
+        if take is None:
+            begin_again(memory)
+        else:
+            planner.attach(take)
+        judge.close_free(memory.table, q, 0.1 + q)
+        assert memory.cloud.counts[ARE_REACHED] == 1
+        reached.append(memory.reached.counts[N_INSIDE])
+    assert reached[1] > reached[0] > 0
+
+
 def test_blocks_that_are_not_reached_are_in_no_spheres_way(small_map, planner, rng):
     """By brute force: no sphere is as near to them, in any place."""
     robot, grid, memory = small_map.robot, small_map.grid, planner.memory
