@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.answer import FOLLOWING, HOLDING, Answer
+from odm.answer import HOLDING, Answer
 from odm.audit.sequence_judge import SHAPES, SPACING, Judge, Verdict, World
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.recipe import PayloadRecipe
@@ -414,7 +414,7 @@ class Sequence:
         verdict = None
         if answer.status != HOLDING:
             told = answer.path, exact, answer.by_links
-            beside = is_beside(self.planner, answer)
+            beside = self.planner.memory.numbers.off_path.item() == 1
             verdict = self.judge.judge(world, seen, self.q, *told, beside)
             if refused:
                 verdict.wrong.append("a frame that cannot be used was answered")
@@ -450,18 +450,6 @@ class Sequence:
                 if not self.pushes or names[drawn] in QUIET or self.rng.random() < 0.02:
                     getattr(self, names[drawn])()
             yield self.frame(exact=k % exact_every == 0)
-
-
-def is_beside(planner: ReactivePlanner, answer: Answer) -> bool:
-    """Return whether the first leg was tested from beside its segment (decision 0102).
-
-    A planner that searches in every frame and finds the rest of its path again lets it
-    begin at q, so that q is on it from then on; what was tested says that it was not.
-    """
-    memory = planner.memory
-    tested = np.array_equal(memory.off_path.q[0], planner.frame.q)
-    found_again = answer.status == FOLLOWING and planner.always_replan
-    return memory.numbers.off_path.item() == 1 or (found_again and tested)
 
 
 def reuse_certificate(planner: ReactivePlanner, q: np.ndarray) -> None:

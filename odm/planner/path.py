@@ -6,7 +6,7 @@ from odm.frame.frame import Frame
 from odm.planner.saved_memory import Remembering
 from odm.search import _paths as kernels
 from odm.search import _step as step
-from odm.search._state import EDITED, NO_ITEM, NO_MOTION
+from odm.search._state import EDITED, NO_ITEM, NO_MOTION, ROUNDED, WHOLE
 
 _TUBE_RADIUS = 0.01  # [m] of the tube around a segment that one static test covers
 
@@ -106,8 +106,8 @@ class PathInUse(Remembering):
         They are new, so that they are tested against all that stands still; against
         the frame's points where they are used. What stands still may be nearer than the
         clearance by its share for blending, of which a robot that rounds a corner has
-        spent some (decision 0102). One test of a tube around the segment answers for
-        all motions that stay inside the tube.
+        spent some (decision 0102); such a motion is good for going on alone. One test
+        of a tube around the segment answers for all motions that stay inside the tube.
 
         Args:
             q: (dof,) inside its limits, as `judge` found it.
@@ -126,12 +126,12 @@ class PathInUse(Remembering):
         share = float((q - begin) @ along) / length2 if length2 > 0.0 else 0.0
         off = np.abs(q - begin - min(max(share, 0.0), 1.0) * along)
         if self._tube_is_free and off @ self._certificates.motion_bound <= _TUBE_RADIUS:
-            off_path.free[:] = 1
-        else:
-            motions = np.stack([q, q]), off_path.q[1:] - q
-            off_path.free[:] = static.motions_free(
-                *motions, nearer=static.safety.rounding
-            )
+            off_path.free[:] = WHOLE
+            return
+        motions = np.stack([q, q]), off_path.q[1:] - q
+        whole = static.motions_free(*motions)
+        near = static.motions_free(*motions, nearer=static.safety.rounding)
+        off_path.free[:] = np.where(whole, WHOLE, np.where(near, ROUNDED, 0))
 
     def locate(self, q: np.ndarray) -> tuple[int, float]:
         """Return the segment that q is on, -1 for none, and the share of it behind q.

@@ -247,7 +247,7 @@ def rest_free(state, path, segment, q):
         ref = NO_ITEM if off_path else path.ref[k]
         if ref_free(state, ref):
             continue
-        if off_path and view(state, "off_path").free[TO_END] != 1:
+        if off_path and view(state, "off_path").free[TO_END] == 0:
             return k
         begin = q if k == segment else path.q[k]
         for j in range(q.shape[0]):

@@ -31,6 +31,8 @@ from roadmap.compiling.lowering import value_at
 
 NO_ITEM, IS_GOAL, NO_MOTION = -1, -3, -4  # instead of a pool item
 TO_END, TO_BEGIN = 0, 1  # entries of OffPath.free
+# what they say: all of the clearance is kept, or but for the share of rounding; else 0
+WHOLE, ROUNDED = 1, 2
 # what a candidate is: the path in use, changed in part; another path; one free only now
 EDITED, BETTER_PATH, PRESENT_ONLY_PATH = 1, 2, 3
 EDGE_BASE = -1024  # ref EDGE_BASE - e is roadmap edge e; below every -2 - attachment
@@ -295,7 +297,7 @@ class OffPath(NamedTuple):
 
     # where it is; the segment's end; its begin
     q: np.ndarray = array("f8", "3 dof", GOAL, np.nan)
-    # 1: free of what stands still, to the end, to the begin
+    # what is kept from what stands still, to the end, to the begin: WHOLE, ROUNDED
     free: np.ndarray = array("i8", "2", GOAL)
 
 

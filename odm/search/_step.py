@@ -35,8 +35,10 @@ from odm.search._state import (
     NO_ITEM,
     NO_MOTION,
     PRESENT_ONLY_PATH,
+    ROUNDED,
     TO_BEGIN,
     TO_END,
+    WHOLE,
     show,
     view,
 )
@@ -75,7 +77,8 @@ def connect_along_path(state, path, segment, q, path_ends):
 
     On the segment those motions are parts of the one that was certified. Off it they
     are new: no cells are known of them, and the group `off_path` says whether they are
-    free of what stands still.
+    free of what stands still. One that lacks the share of rounding would be in another
+    path, which is rounded again (decision 0102).
     """
     graph, goals = view(state, "graph"), view(state, "goals")
     free = view(state, "off_path").free
@@ -86,7 +89,7 @@ def connect_along_path(state, path, segment, q, path_ends):
     for g in range(goals.count[0]):
         goals.direct_ref[g] = NO_MOTION
     for k in (TO_END, TO_BEGIN):
-        if off_path and free[k] != 1:
+        if off_path and free[k] != WHOLE:
             continue
         v = path.vertex[segment + 1 - k]
         if v < n:
@@ -188,8 +191,11 @@ def judge(state, q):
         return NOT_ATTACHED
     if where >= 0 and not is_on(view(state, "certificates"), where, q):
         numbers.off_path[0] = 1
-        if not is_off_path_known(view(state, "off_path"), path, where, q):
+        off_path = view(state, "off_path")
+        if not is_off_path_known(off_path, path, where, q):
             return OFF_PATH
+        # what rounds a corner has no other path: it goes on where that is free
+        always = always and off_path.free[TO_END] != ROUNDED
     if where < 0 or always or path.count[1] < 0:
         return REPLAN
     if rest_free(state, path, where, q) >= 0:

@@ -11,11 +11,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from scipy.spatial import cKDTree
 from small import HOME, small_recipe
 
-import odm
-from odm.answer import FOLLOWING, REPLANNED
 from odm.audit.sequence_audit import SequenceReport, audit_sequences, run_sequence
 from odm.audit.sequence_judge import Judge, World, solid_of
-from odm.audit.sequences import EVENTS, Sequence, is_beside
+from odm.audit.sequences import EVENTS, Sequence
 from odm.cell_map.build import build_map
 from odm.cell_map.recipe import PayloadRecipe
 from odm.obstacles.surfaces import sample_capsules
@@ -191,18 +189,3 @@ def test_an_audit_that_was_ended_by_hand_has_not_failed():
     assert "was interrupted" in str(ended) and not ended.passed
     ended.wrong = 1
     assert "FAILED" in str(ended)
-
-
-def test_a_path_that_is_found_again_from_beside_it_is_told_apart(small_map):
-    """Decision 0102: beside its segment a robot may lack its share for blending."""
-    planner = odm.ReactivePlanner(small_map, always_replan=True)
-    planner.set_goals([small_map.roadmap.nodes[-1]])
-    q = small_map.roadmap.nodes[0]
-    found = planner.step(np.empty((0, 3)), q=q)
-    again = planner.step(np.empty((0, 3)), q=q)
-    assert (found.status, again.status) == (REPLANNED, FOLLOWING)
-    assert not is_beside(planner, again)
-    planner.memory.off_path.q[0] = planner.frame.q  # it was tested from beside
-    assert is_beside(planner, again) and not is_beside(planner, found)
-    planner.always_replan = False
-    assert not is_beside(planner, again)

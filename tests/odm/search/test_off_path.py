@@ -7,17 +7,20 @@ from small import HOME, NOBODY, on_its_way
 from wrappers import with_wrapper
 
 import odm
+from odm.answer import FOLLOWING
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.safety import Safety
 from odm.frame.place import Standing, place_of
 from odm.search import _off_path as off_path
 from odm.search import _paths as paths
 from odm.search import _step as step
+from odm.search._state import ROUNDED
 from roadmap import time_path
 from roadmap.kinematics.forward import sphere_centers
 
 is_off_path_known = with_wrapper(step.is_off_path_known)
 locate_off_path = with_wrapper(off_path.locate_off_path)
+connect_along_path = with_wrapper(step.connect_along_path)
 
 
 def sum_off(planner, path, q):
@@ -168,10 +171,10 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
         m = planner.memory
         planner.step(points, q=HOME)
         segment, _ = planner.path.locate(q)
-        planner.set_static(point[None])
+        there_is(planner.static, point)
         m.numbers.where[0] = segment
         planner.path.certify_off_path(q)
-        assert (m.off_path.free == 1).all()
+        assert (m.off_path.free == ROUNDED).all()
         # no nearer to what stands still than blending may bring it
         towards = point - sphere_centers(planner.robot, q)[planner.robot.moving]
         nearest = towards[np.linalg.norm(towards, axis=1).argmin()]
@@ -182,6 +185,30 @@ def test_a_robot_that_rounds_a_corner_beside_what_stands_still_goes_on(small_map
         assert (m.off_path.free == 0).all()
         seen += 1
     assert seen >= 3
+
+
+def test_what_rounds_a_corner_is_led_along_no_other_path(small_map):
+    """That would be rounded again, and spend the share for it a second time."""
+    seen = 0
+    for seed in some(range(40), *range(3, 25)):
+        planner, points, answer = on_its_way(small_map, seed)
+        found = _beside_a_blend(odm.ReactivePlanner(small_map), answer.path)
+        if found is None or planner.path.locate(found[0])[0] < 0:
+            continue
+        (q, point), m = found, planner.memory
+        there_is(planner.static, point)
+        for planner.always_replan in (False, True):
+            again = planner.step(points, q=q)
+            if again.status != FOLLOWING:  # the blend is nearer to the person, too
+                break
+            path, n = planner.memory.path, planner.memory.path.count[0]
+            assert (m.off_path.free == ROUNDED).all() and m.numbers.off_path[0] == 1
+            assert np.array_equal(path.q[:n], answer.path)
+            connect_along_path(m.table, path, m.numbers.where.item(), q, m.path_ends)
+            assert m.path_ends.count[0] == 0
+        else:
+            seen += 1
+    assert seen >= 2
 
 
 def _just_kept_off(planner, path):
