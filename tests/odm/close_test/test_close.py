@@ -132,13 +132,19 @@ def test_spheres_near_a_box_are_found_as_one_by_one(small_map, rng):
     assert 50 < found < 190
 
 
-def test_a_body_at_a_place_is_judged_as_by_each_point(small_map, rng):
-    """0 free, 1 open, 2 blocked; also which sphere and point are told."""
+def last_body(small_map):
+    """Return arm, radii and clearance of a map, the last body and its spheres."""
     arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
-    clearance = Clearance(arm, radii, radii, 0.01, work)
     b = len(arm.body_ptr) - 2
     part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
     work.body_radius[b] = radii[part].max()
+    return arm, radii, Clearance(arm, radii, radii, 0.01, work), b, part
+
+
+def test_a_body_at_a_place_is_judged_as_by_each_point(small_map, rng):
+    """0 free, 1 open, 2 blocked; also which sphere and point are told."""
+    arm, radii, clearance, b, part = last_body(small_map)
+    work = clearance.work
     counted = np.zeros(3, np.int64)
     for _ in range(400):
         R = Rotation.random(random_state=rng).as_matrix()
@@ -205,11 +211,8 @@ def test_a_body_is_as_wide_and_as_fast_as_its_widest_and_fastest_sphere(small_ma
 
 def test_a_chord_sees_the_points_near_all_of_it(small_map, rng):
     """However far its ends are from its middle, which is what blocks are listed by."""
-    arm, radii, work = small_map.arm, small_map.swept_radii(), work_of(small_map)
-    clearance = Clearance(arm, radii, radii, 0.01, work)
-    b = len(arm.body_ptr) - 2
-    part = slice(int(arm.body_ptr[b]), int(arm.body_ptr[b + 1]))
-    work.body_radius[b] = radii[part].max()
+    arm, radii, clearance, b, part = last_body(small_map)
+    work = clearance.work
     free = blocked = 0
     for _ in range(300):
         R = Rotation.random(random_state=rng).as_matrix()

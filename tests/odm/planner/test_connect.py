@@ -510,6 +510,16 @@ def test_nodes_that_the_frame_blocks_are_not_joined_but_wait(small_map, scenes):
     assert tried >= 3
 
 
+def as_a_fresh_one(small_map, scene, planner):
+    """Return the next answer, which a fresh planner with the memory gives, too."""
+    fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
+    fresh.load_memory(planner.save_memory())
+    again = scene.ask(planner)
+    assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
+    assert not differences(planner.save_memory(), fresh.save_memory())
+    return again
+
+
 def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
     small_map, scenes
 ):
@@ -529,11 +539,7 @@ def test_what_a_frame_joins_to_a_shut_goal_gets_costs_and_cells_later(
         assert m.goals.ref[0, n - 1] == NO_ITEM
         if answer.status != "holding":
             assert_free(small_map, answer.path, scene.balls)
-        fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
-        fresh.load_memory(planner.save_memory())
-        again = scene.ask(planner)
-        assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
-        assert not differences(planner.save_memory(), fresh.save_memory())
+        again = as_a_fresh_one(small_map, scene, planner)
         assert answer.status == "holding" or again.status != "holding"
         h, lengths = np.full_like(m.goals.h[0], np.inf), m.graph.adj_length
         ends, n = (lengths.min(), lengths.max()), m.goals.number.item(0)
@@ -630,11 +636,7 @@ def test_what_a_frame_joins_to_a_start_gets_its_cells_in_the_next_one(
         if answer.status != "holding":
             assert_free(small_map, answer.path, scene.balls)
             used += 1
-        fresh = odm.ReactivePlanner(small_map, True, settings=OFF)
-        fresh.load_memory(planner.save_memory())
-        again = scene.ask(planner)
-        assert again.path.tobytes() == scene.ask(fresh).path.tobytes()
-        assert not differences(planner.save_memory(), fresh.save_memory())
+        again = as_a_fresh_one(small_map, scene, planner)
         assert answer.status == "holding" or again.status != "holding"
         if attacher.owes_start:  # it was joined by more since
             continue
