@@ -6,14 +6,19 @@ process sends its results through a pipe of its own, and nothing is shared.
 """
 
 import multiprocessing
+import os
 import signal
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from roadmap.errors import PlanningError
+
+_FINISHING_S = 0.3  # for a file that a process has begun; others end at once
 
 
 def _nothing() -> None:
@@ -33,6 +38,38 @@ def ignoring_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_processes(processes: Iterable[BaseProcess]) -> None:
+    """End processes, and wait until they are gone.
+
+    SIGTERM ends one in the middle of the compiler, too, but not while it writes machine
+    code down (see `roadmap.compiling.kept_code`), of which half a file would stay.
+    """
+    begun = [process for process in processes if process.pid is not None]
+    for process in begun:
+        process.terminate()
+    latest = time.monotonic() + _FINISHING_S
+    for process in begun:
+        process.join(max(0.0, latest - time.monotonic()))
+        process.kill()
+        process.join()
+
+
+def end_all() -> None:
+    """End all that was begun by this process, which is itself ended next.
+
+    Python's process beside, which notes what was begun, ends when nobody holds its
+    pipe: a moment after us, if we did not wait for it.
+    """
+    end_processes(multiprocessing.active_children())
+    latest = time.monotonic() + _FINISHING_S
+    with suppress(ChildProcessError):  # nobody is left
+        os.waitpid(-1, os.WNOHANG)
+        os.close(resource_tracker.getfd())
+        while time.monotonic() < latest:
+            os.waitpid(-1, os.WNOHANG)
+            time.sleep(0.002)
 
 
 @contextmanager
@@ -65,10 +102,7 @@ def in_processes(
             there.close()
         yield (_result(ends[k % number]) for k in range(len(jobs)))
     finally:
-        for child in children:
-            if child.pid is not None:
-                child.kill()
-                child.join()
+        end_processes(children)
 
 
 def _result(end: Connection) -> Any:

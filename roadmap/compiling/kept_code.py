@@ -33,6 +33,7 @@ from roadmap.errors import PlanningError
 
 _LOCK = "numba.lock"  # beside the machine code; empty
 _SEAL = b"crc32 of the above:"  # at the end of a file, then the checksum's four bytes
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 # what unpickling half a file raises
 _HALF = (pickle.UnpicklingError, ArithmeticError, AttributeError, EOFError, ImportError)
 _HALF += (LookupError, TypeError, ValueError)
@@ -47,7 +48,7 @@ class GuardedFile(caching.IndexDataCacheFile):
 
     def save(self, key: object, data: object) -> None:
         """Keep machine code; where the disk is full, PlanningError names the folder."""
-        with _turn(Path(self._cache_path)):
+        with _turn(Path(self._cache_path)), _not_ended():
             try:
                 super().save(key, data)
             except OSError as error:
@@ -59,9 +60,9 @@ class GuardedFile(caching.IndexDataCacheFile):
 
     @contextmanager
     def _open_for_write(self, path: str) -> Iterator[io.BytesIO]:
+        written = io.BytesIO()
+        yield written
         with super()._open_for_write(path) as file:
-            written = io.BytesIO()
-            yield written
             file.write(written.getvalue() + _seal(written.getvalue()))
 
     def _load_index(self) -> dict:
@@ -120,6 +121,28 @@ def undisturbed() -> Iterator[None]:
         signal.signal(signal.SIGINT, own)
         if heard:
             raise KeyboardInterrupt
+
+
+@contextmanager
+def _not_ended() -> Iterator[None]:
+    """End behind this what would end the process in it, and leave half a file.
+
+    Signals that somebody hears are left to him, and so are other threads' files.
+    """
+    heard: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    ending = [n for n in _ENDING if signal.getsignal(n) is signal.SIG_DFL]
+    for number in ending:
+        signal.signal(number, lambda number, frame: heard.append(number))
+    try:
+        yield
+    finally:
+        for number in ending:
+            signal.signal(number, signal.SIG_DFL)
+        if heard:
+            os.kill(os.getpid(), heard[0])
 
 
 def load_kept(loops: Iterable[Dispatcher]) -> int:

@@ -68,7 +68,8 @@ def _cores() -> int:
 @contextmanager
 def _beside(number: int, folder: Path, command: str) -> Iterator[list]:
     """Yield processes that do the same; none is left afterwards."""
-    from odm.processes import ignoring_interrupts  # not above: a bar needs no planner
+    # not above: a bar needs no planner
+    from odm.processes import end_processes, ignoring_interrupts
 
     context = multiprocessing.get_context("spawn")
     given = (folder, command, gc.get_threshold(), os.getpid())
@@ -79,10 +80,7 @@ def _beside(number: int, folder: Path, command: str) -> Iterator[list]:
                 other.start()
         yield others
     finally:
-        for other in others:
-            if other.pid is not None:
-                other.kill()  # what it was writing is renamed when it is whole
-                other.join()
+        end_processes(others)
 
 
 def _child(

@@ -253,8 +253,10 @@ def ends_by_it() -> None:
 def _end_processes() -> None:
     """End the processes that work for this one; a loop takes them seconds."""
     with suppress(Exception):
-        if processes := sys.modules.get("multiprocessing"):
-            for child in processes.active_children():
+        if ours := sys.modules.get("odm.processes"):
+            ours.end_all()
+        elif others := sys.modules.get("multiprocessing"):
+            for child in others.active_children():
                 child.kill()
 
 

@@ -2,6 +2,8 @@
 
 import errno
 import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -17,6 +19,8 @@ from roadmap.compiling import kept_code
 from roadmap.compiling.jit_options import LEAN
 from roadmap.compiling.kept_code import KeptTypes, load_kept
 from roadmap.errors import PlanningError
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_what_is_kept_of_a_loop_is_loaded_without_a_call(small_map):
@@ -105,6 +109,23 @@ def test_another_thread_and_another_handler_are_left_alone():
     assert told == [3, signal.SIGINT]
 
 
+SAVED_SLOWLY = """
+import os, signal, sys, time
+from roadmap.compiling.kept_code import GuardedFile
+for number in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_DFL)  # though who started the tests ignores it
+replace, told = os.replace, []
+def slow(*names):
+    if not told:
+        told.append(print("writing", flush=True))
+    time.sleep(0.2)
+    replace(*names)
+os.replace = slow
+GuardedFile(sys.argv[1], "loop", "stamp").save("types", "code")
+print("went on", flush=True)
+"""
+
+
 class Slow(IndexDataCacheFile):
     """A list that takes its time between reading and writing."""
 
@@ -131,6 +152,20 @@ def test_two_that_save_at_once_take_turns(tmp_path):
         job.join(30.0)
     told = IndexDataCacheFile(str(tmp_path), "loop", "stamp")
     assert [told.load(kind) for kind in kinds] == [f"code of {kind}" for kind in kinds]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_process_that_is_ended_while_it_saves_ends_when_the_file_is_whole(
+    number, tmp_path
+):
+    words = [sys.executable, "-c", SAVED_SLOWLY, str(tmp_path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, cwd=ROOT) as process:
+        process.stdout.readline()
+        process.send_signal(number)
+        assert process.wait(30.0) == -number
+        assert not process.stdout.read()
+    assert not [*tmp_path.glob("*.tmp.*")]
+    assert IndexDataCacheFile(str(tmp_path), "loop", "stamp").load("types") == "code"
 
 
 def test_a_folder_that_cannot_be_locked_is_written_all_the_same(tmp_path, monkeypatch):
