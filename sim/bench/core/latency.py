@@ -20,7 +20,7 @@ from sim.bench.rivals import baselines, lengths
 from sim.bench.rivals.beside_vamp import beside_vamp
 from sim.tables.header import header
 
-FRAMES = 40, 600  # that the competitors are run on: by python-fcl, compiled
+FRAMES = 600, 600  # that the competitors are run on: by python-fcl, compiled
 
 
 def run(

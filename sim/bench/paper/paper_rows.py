@@ -240,6 +240,7 @@ class Race:
 def race(cell_map: CellMap, pairs: list[CylinderPair], fcl_frames: int) -> Race:
     """Replan every frame from scratch; some also by A* with python-fcl checks."""
     planner = ReactivePlanner(cell_map, always_replan=True)
+    attaching = ReactivePlanner(cell_map)
     fcl, each = PaperFcl(cell_map), max(1, fcl_frames // max(1, len(pairs)))
     ours, theirs, same = Clock(), Clock(), Clock()
     vertices, stages, work = [], [], []
@@ -249,7 +250,7 @@ def race(cell_map: CellMap, pairs: list[CylinderPair], fcl_frames: int) -> Race:
         planner.reset()
         planner.set_goals([pair.q_goal])
         planner.step(np.zeros((0, 3)), q=pair.q_start)
-        fcl.set_query(query_of(planner, pair))
+        fcl.set_query(query_of(attaching, pair))
         for p in points[:WARM]:
             planner.step(p, q=pair.q_start)
         answers = [ours(planner.step, p, q=pair.q_start) for p in points]

@@ -2,18 +2,19 @@
 
 Both are lazy A* over the roadmap with the planner's own attachments of start and goal
 and its exact cost-to-go; both try the straight motion first and remember verdicts
-within a frame. They get the arm as two capsules; the planner gets its points.
+within a frame. All get the arm as capsules; the planner gets samples of their surface,
+too, in calls of their own.
 """
 
 import numpy as np
 
-from odm import ReactivePlanner
+from odm import Answer, ReactivePlanner
 from odm.cell_map.cell_map import CellMap
 from sim.bench.clock import Clock
-from sim.bench.frames import ROUND, Pair
+from sim.bench.frames import Pair
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
-from sim.bench.rivals.query import Query, query_of
+from sim.bench.rivals.query import query_of
 from sim.tables.table import value_row
 
 FASTER_THAN_FCL, FASTER_THAN_COMPILED = 300.0, 10.0
@@ -39,6 +40,7 @@ def compare(
     ):
         rows.append(race["theirs"].row(name, race["what"]))
         rows.append(race["ours"].row("... the planner on the same frames"))
+        rows.append(race["sampled"].row("... the planner, given samples of them"))
         for share in (50, 99):
             ratio = _ratio(race, share)
             asked = {"least": least} if share == 50 else {}
@@ -48,20 +50,17 @@ def compare(
 
 def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  # noqa: ANN001
     planner = ReactivePlanner(cell_map, always_replan=True)
-    fcl = FclSearch(cell_map)
-    ours, theirs = Clock(), Clock()
+    attaching, fcl = ReactivePlanner(cell_map), FclSearch(cell_map)
+    ours, sampled, theirs = Clock(), Clock(), Clock()
     found, lengths, contacts = np.zeros((2, 2), int), [], 0
     for pair, part in _spread(pairs, n_frames):
-        query = _prepare(planner, pair, other)
+        query = query_of(attaching, pair)
+        other.set_query(query)
         # each has its frames one after the other, as a loop would, some to warm up
         warm = pair.part(slice(max(0, part.start - WARM), part.start))
         timed = pair.part(part)
-        for p in warm.points():
-            planner.step(p, q=pair.q_start, rounding=ROUND)
-        answers = [
-            ours(planner.step, p, q=pair.q_start, rounding=ROUND)
-            for p in timed.points()
-        ]
+        _answers(planner, sampled, warm, timed, shapes=False)
+        answers = _answers(planner, ours, warm, timed, shapes=True)
         for rods in warm.capsules:
             other.search(rods)
         paths = [theirs(other.search, rods) for rods in timed.capsules]
@@ -72,18 +71,23 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
                 lengths.append((query.length(answer.path), query.length(path)))
             contacts += mine and not fcl.path_free(answer.path, rods)
     return {
-        "ours": ours, "theirs": theirs, "found": found, "lengths": np.array(lengths),
-        "contacts": contacts, "what": other.what,
+        "ours": ours, "sampled": sampled, "theirs": theirs, "found": found,
+        "lengths": np.array(lengths), "contacts": contacts, "what": other.what,
     }  # fmt: skip
 
 
-def _prepare(planner: ReactivePlanner, pair: Pair, other) -> Query:  # noqa: ANN001
-    planner.reset()
-    planner.set_goals([pair.q_goal])
-    planner.step(np.zeros((0, 3)), q=pair.q_start)
-    query = query_of(planner, pair)
-    other.set_query(query)
-    return query
+def _answers(
+    planner: ReactivePlanner, clock: Clock, warm: Pair, timed: Pair, shapes: bool
+) -> list[Answer]:
+    """Ask a planner in all frames; time those of `timed`, and return their answers."""
+    timed.begin(planner, _ask_of_nobody)
+    for ask in warm.asked(shapes):
+        ask(planner, warm.q_start)
+    return [clock(ask, planner, timed.q_start) for ask in timed.asked(shapes)]
+
+
+def _ask_of_nobody(planner: ReactivePlanner, q: np.ndarray) -> Answer:
+    return planner.step(np.zeros((0, 3)), q=q)
 
 
 def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, slice]]:
@@ -99,9 +103,9 @@ def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, slice]]:
 
 
 def _ratio(race: dict, share: int) -> float:
-    """Return how many times faster the planner is, by CPU time of the thread."""
-    theirs = np.percentile(race["theirs"].cpu, share)
-    return float(theirs / np.percentile(race["ours"].cpu, share))
+    """Return how many times faster the planner is, given the same capsules."""
+    theirs = np.percentile(race["theirs"].wall, share)
+    return float(theirs / np.percentile(race["ours"].wall, share))
 
 
 def _counts(race: dict) -> dict:
@@ -115,7 +119,7 @@ def _counts(race: dict) -> dict:
         "found_by_competitor_only": int(found[0, 1]),
         "found_by_none": int(found[0, 0]),
         "median_of_ratios_by_frame": float(
-            np.median(np.array(race["theirs"].cpu) / np.array(race["ours"].cpu))
+            np.median(np.array(race["theirs"].wall) / np.array(race["ours"].wall))
         ),
         "median_length_ratio": ratio,
         "fcl_contacts_on_our_paths": int(race["contacts"]),

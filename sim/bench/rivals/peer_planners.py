@@ -175,9 +175,6 @@ class BruteForce:
         from sim.bench.rivals.query import query_of
 
         pair = Pair(case.q_start, case.q_goal, case.frames[0].rods[None], case.kind)
-        self.planner.reset()
-        self.planner.set_goals([pair.q_goal])
-        self.planner.step(np.zeros((0, 3)), q=pair.q_start)
         self.query = query_of(self.planner, pair)
 
     def path(self, frame: Frame) -> np.ndarray | None:

@@ -9,6 +9,8 @@ from roadmap.graph.roadmap import Roadmap
 from roadmap.kinematics.forward import difference
 from sim.bench.frames import Pair
 
+_AT_ONCE = 1000  # motions that are joined in one call
+
 
 @dataclass(frozen=True, eq=False)
 class Query:
@@ -40,7 +42,18 @@ class Query:
 
 
 def query_of(planner: ReactivePlanner, pair: Pair) -> Query:
-    """Return the query that a planner stands at: goal 0 is set, q_start attached."""
+    """Have a planner attach both ends of a pair with nobody about; return the query.
+
+    All motions that it would try are joined now: by itself it joins the start when it
+    first finds the straight motion blocked, and more of both between frames. So take a
+    planner that is not timed.
+    """
+    planner.reset()
+    planner.set_goals([pair.q_goal])
+    planner.step(np.zeros((0, 3)), q=pair.q_start)
+    planner.attacher.join_start(at_once=True)
+    while planner.attacher.attach_more(_AT_ONCE):
+        pass
     m, roadmap = planner.memory, planner.cell_map.roadmap
     n_starts, n_goals = int(m.start_connections.count[0]), int(m.goals.number[0])
     dq = difference(planner.robot, pair.q_start, pair.q_goal)

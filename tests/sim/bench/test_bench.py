@@ -142,6 +142,16 @@ def test_paths_of_the_planner_touch_nothing_by_fcl(saved, pairs):
         assert about["frames"] > 0 and about["found_by_both"] > 0
 
 
+def test_a_competitor_gets_all_motions_of_both_ends(saved, pairs):
+    # the planner itself joins the start when the straight motion is blocked, not before
+    planner = odm.ReactivePlanner(saved)
+    for pair in pairs:
+        query = query_of(planner, pair)
+        starts, goals = len(query.start_nodes), len(query.goal_nodes)
+        assert starts == planner.settings.start_connections
+        assert goals == planner.settings.goal_connections
+
+
 def test_the_compiled_competitor_finds_what_the_planner_finds(saved, pairs):
     # it keeps less distance (no cells, no covering radius), on the same graph
     found = baselines.compare(saved, pairs, fcl_frames=1, compiled_frames=60)
@@ -154,9 +164,6 @@ def test_paths_of_the_compiled_competitor_touch_nothing_by_fcl(saved, pairs):
     planner = odm.ReactivePlanner(saved, always_replan=True)
     found = 0
     for pair in pairs:
-        planner.reset()
-        planner.set_goals([pair.q_goal])
-        planner.step(np.zeros((0, 3)), q=pair.q_start)
         other.set_query(query_of(planner, pair))
         for rods in pair.capsules[::3]:
             path = other.search(rods)

@@ -184,8 +184,6 @@ def test_words_hold_the_cells_inside_the_grid(small_map, rng):
 def test_the_competitor_sees_cylinders_not_capsules(small_map, arms):
     pair = CylinderPair.of(make_pairs(small_map, 1, 4, seed=5)[0], 0.03)
     search, planner = PaperFcl(small_map), ReactivePlanner(small_map, True)
-    planner.set_goals([pair.q_goal])
-    planner.step(np.zeros((0, 3)), q=pair.q_start)
     search.set_query(query_of(planner, pair))
     other = FclRobot(small_map.robot)
     for arm in arms:
