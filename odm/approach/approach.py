@@ -20,7 +20,6 @@ from odm.approach.tool_line import (
     Line,
     NearPoses,
     ToolKinematics,
-    follow,
 )
 from odm.checks import check_numbers
 from odm.frame.frame import Frame
@@ -125,7 +124,7 @@ class Approacher:
 
     def _from_end(self, line: Line, search: _Search):
         """Try solutions of the pose, best first; return (way, fine cover needed)."""
-        target, tried = line.poses(1.0)[0], []
+        target, tried = line.pose(1.0), []
         nearest = (np.inf, np.inf)
         for seeds in self._seeds(target):
             new, nearest = self._solutions(target, seeds, tried, nearest)
@@ -167,7 +166,7 @@ class Approacher:
     def _follow(self, line: Line, q: np.ndarray, s_from: float, s_to: float) -> Follow:
         s = self.settings
         limits = (s.max_deviation_m, s.max_deviation_rad)
-        return follow(self.tool, line, q, s_from, s_to, s.step_m, limits)
+        return self.tool.follow(line, q, (s_from, s_to), s.step_m, limits)
 
     def _seeds(self, target: np.ndarray) -> list[list[np.ndarray]]:
         """Return seeds round by round: here, then nodes whose tool is near the pose.

@@ -84,10 +84,9 @@ class LegTest:
 
         With `fine_first`, where the leg before needed it, in the other order.
         """
-        robot = self.frame.robot
         self.motions += 1
         for end in (q, q + dq):
-            trouble = outside_limits(robot, end, 0.0)
+            trouble = outside_limits(self.frame.robot, end, 0.0)
             if trouble is not None:
                 return Tested("limits", trouble)
         if not self.use_fine:

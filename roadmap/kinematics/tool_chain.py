@@ -101,19 +101,21 @@ class ToolDescent:
     Attributes:
         chain: Its joints between base and tool.
         rows: Their places in `q`; the others do not move the tool and stay.
+        scale, goal: What a loop gives `descend`.
+        work, trial: Its memory, for one thread.
     """
 
     def __init__(
         self, robot: JointTree, position: float, rotation: float, steps: int
     ) -> None:
         self.chain, self.rows = _kept_chain(robot)
-        self._work = descent_of(self.chain)
-        self._trial = np.empty(len(self.rows))
+        self.work = descent_of(self.chain)
+        self.trial = np.empty(len(self.rows))
         ratio = min(max(rotation / position, 1.0 / _MOST), _MOST)
-        self._scale = _SCALE * np.array([1.0, ratio])
-        self._scales, self._rows = np.repeat(self._scale, 3), np.array(self.rows)
-        least = min(position / self._scale[0], rotation / self._scale[1])
-        self._goal = float(least), float(steps)
+        self.scale = _SCALE * np.array([1.0, ratio])
+        self._scales, self._rows = np.repeat(self.scale, 3), np.array(self.rows)
+        least = min(position / self.scale[0], rotation / self.scale[1])
+        self.goal = float(least), float(steps)
 
     def run(self, target: np.ndarray, q: np.ndarray) -> tuple[float, float]:
         """Move `q` (dof,) in place towards a pose (12,), within limits.
@@ -121,10 +123,10 @@ class ToolDescent:
         Returns:
             Position error [m] and rotation error [rad] that are left.
         """
-        work, limits = self._work, self.chain.limits
+        work, limits = self.work, self.chain.limits
         np.maximum(q[self._rows], limits[:, 0], out=work.q)
         np.minimum(work.q, limits[:, 1], out=work.q)
-        descend(self.chain, target, self._scale, self._goal, work, self._trial)
+        descend(self.chain, target, self.scale, self.goal, work, self.trial)
         q[self._rows] = work.q
         x, y, z, u, v, w = (self._scales * work.error).tolist()
         return math.sqrt(x * x + y * y + z * z), math.sqrt(u * u + v * v + w * w)
@@ -134,7 +136,7 @@ class ToolDescent:
 
         Linear [m], then angular; the next call overwrites it.
         """
-        work = self._work
+        work = self.work
         work.q[:] = q[self._rows]
         forward(self.chain, work.q, work.frames)
         jacobian(self.chain, work.frames, work.jac)

@@ -318,6 +318,7 @@ def _ask(cell_map: CellMap) -> None:
     planner.scene.test_waiting()
     planner.improve(4)
     planner.set_goals(poses=[tool_pose(planner.robot, goal)])
+    planner.approach(tool_pose(planner.robot, goal), distance=0.01)
     planner.scene.remove("box")
     planner.step(PointCloud(np.zeros((1, 3)) + 9.0, covering_radius=0.02), q=start)
 

@@ -242,7 +242,7 @@ def test_the_stated_deviation_holds_between_the_samples(planner, rng):
         off, turned = tool.leg_error(line, 0.0, 1.0, q, q + dq)
         t = np.linspace(0.0, 1.0, 200)
         real = tool.tools(q + t[:, None] * dq)
-        ideal = line.poses(t)
+        ideal = np.array([line.pose(s) for s in t])
         worst = np.linalg.norm(real[:, 9:] - ideal[:, 9:], axis=1).max()
         cosine = 0.5 * ((real[:, :9] * ideal[:, :9]).sum(axis=1) - 1.0)
         assert worst <= off <= worst + 0.01
