@@ -17,7 +17,7 @@ from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, told
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
 _ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
@@ -28,6 +28,7 @@ _ROWS = {
     "boxes": "pose (3, 4) row by row, then three edge lengths",
     "meshes": "poses (3, 4) row by row",
 }
+MOST_SHAPES = 1_000_000  # of a kind; a frame takes fewer
 _NO_POINTS = np.zeros((0, 3))
 _WRONG = {
     kernels.NOT_FINITE: "is not finite, so it may be anywhere; check the sensor",
@@ -348,8 +349,10 @@ _WHOLE = (int, np.integer)
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:
     if isinstance(given, _WHOLE) and not isinstance(given, bool):
-        if given < 0:
-            raise BadInput(f"{given} {kind} were asked for; give 0 or more")
+        if not 0 <= given <= MOST_SHAPES:
+            raise BadInput(
+                f"{told(given)} {kind} were asked for; give 0 to {MOST_SHAPES}"
+            )
         return np.full((int(given), width), np.nan)
     rows = as_floats(kind, given)
     if rows.ndim != 2 or rows.shape[1] != width:
