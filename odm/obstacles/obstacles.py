@@ -82,8 +82,9 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
-        "_boxes", "_capsules", "_counts", "_cylinders", "_data", "_hulls", "_meshes",
-        "_points", "_poses", "_size", "_spheres", "classes", "labels", "shape_classes",
+        "_boxes", "_capsules", "_counts", "_cylinders", "_data", "_hulls", "_labels",
+        "_meshes", "_points", "_poses", "_shape_classes", "_size", "_spheres",
+        "classes",
     )  # fmt: skip
 
     def __init__(
@@ -126,8 +127,8 @@ class Obstacles:
         self._points = _NO_POINTS
         if points is not None:
             self.points = points
-        self.shape_classes = np.zeros(self._size, np.int8)
-        self.labels = self._by_kind("labels", labels, KINDS)
+        self._shape_classes = np.zeros(self._size, np.int8)
+        self.labels = labels
         self.classes: np.ndarray | None = None
         if classes is not None:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
@@ -155,8 +156,9 @@ class Obstacles:
         self._size = n = len(rows)
         self._counts = np.array([n, 0, 0, 0, 0])
         self._hulls, self._data = (), rows.ravel()
-        self.shape_classes = np.zeros(n, np.int8)
-        self.labels, self.classes = {}, None
+        self._shape_classes = np.zeros(n, np.int8)
+        self._labels: dict[str, Sequence[str]] = {}
+        self.classes = None
 
     def __repr__(self) -> str:
         counts = [*zip(self._counts.tolist(), KINDS, strict=True)]
@@ -220,6 +222,16 @@ class Obstacles:
         lambda self, rows: self._take_points(rows),
         doc="(n, 3) points beside the shapes [m]; any other array may take its place.",
     )
+    labels = property(
+        attrgetter("_labels"),
+        lambda self, names: self._take_labels(names),
+        doc="Names of the shapes by kind; a mapping, or None for none.",
+    )
+    shape_classes = property(
+        attrgetter("_shape_classes"),
+        lambda self, classes: self._take_classes(classes),
+        doc="(k,) int8 classes of all shapes, kind after kind; may be written into.",
+    )
     meshes = property(
         attrgetter("_hulls"), doc="The meshes as `Hull`, each in its own frame."
     )
@@ -241,6 +253,14 @@ class Obstacles:
 
     def _take_points(self, points: np.ndarray) -> None:
         self._points = check_points(points, None, None, np.inf)
+
+    def _take_labels(self, labels: object) -> None:
+        self._labels = self._by_kind("labels", labels, KINDS)
+
+    def _take_classes(self, classes: object) -> None:
+        n = self._size
+        checked = check_classes(classes, n)
+        self._shape_classes = np.zeros(n, np.int8) if checked is None else checked
 
     def _write(self, kind: str, rows: np.ndarray) -> None:
         there = getattr(self, "_" + kind)
