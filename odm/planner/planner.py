@@ -1091,9 +1091,14 @@ class ReactivePlanner:
         return self._retreat.clear_of_others(path, extra, known)
 
     def cover(self) -> Cover:
-        """Return the spheres of the map's cover, payload included."""
+        """Return the spheres of the map's cover, payload included.
+
+        They are copies: who writes into them changes no test.
+        """
         self.memory.owner.check()
-        return self.frame.cover()
+        cover = self.frame.cover()
+        arm = cover.arm._make(part.copy() for part in cover.arm)
+        return cover._replace(arm=arm, radii=cover.radii.copy(), bare=cover.bare.copy())
 
 
 def _scene_changed(
