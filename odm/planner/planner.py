@@ -1097,7 +1097,7 @@ class ReactivePlanner:
         """
         self.memory.owner.check()
         cover = self.frame.cover()
-        arm = cover.arm._make(part.copy() for part in cover.arm)
+        arm = type(cover.arm)(*(part.copy() for part in cover.arm))
         return cover._replace(arm=arm, radii=cover.radii.copy(), bare=cover.bare.copy())
 
 
