@@ -135,7 +135,7 @@ def check_distance(extra: object) -> None:
     if is_real(extra):
         return
     kind = getattr(extra, "dtype", None)
-    if np.ndim(extra) > 0:
+    if getattr(extra, "ndim", 0) > 0:
         raise BadInput("extra is an array; give metres, and points after it")
     if kind is None or kind.kind not in "fiu":
         raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")

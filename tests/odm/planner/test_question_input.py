@@ -207,7 +207,7 @@ def test_an_array_says_neither_yes_nor_no(asked, name):
     YES_OR_NO[name](asked, np.bool_(False))
 
 
-@each("extra", [None, "1 cm", 1j, np.array("a"), np.zeros(2), 10**400])
+@each("extra", [None, "1 cm", 1j, np.array("a"), np.zeros(2), 10**400, [[1], 2]])
 def test_a_distance_of_a_motion_away_is_a_number(asked, extra):
     path, nobody = np.stack([HOME, AWAY]), np.zeros((0, 7))
     for ask in (
