@@ -7,7 +7,7 @@ import numpy as np
 from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics._limits import MOST_TURNED
-from roadmap.ranges import is_between
+from roadmap.ranges import is_between, is_real, told
 from roadmap.robot.joint_values import looks_like_degrees, slides
 from roadmap.robot.robot import Robot
 
@@ -128,6 +128,17 @@ def check_path(robot: Robot, path: np.ndarray) -> np.ndarray:
             "least one"
         )
     return path
+
+
+def check_distance(extra: object) -> None:
+    """Refuse what is no distance to keep besides; NaN is one that is not known."""
+    if is_real(extra):
+        return
+    kind = getattr(extra, "dtype", None)
+    if getattr(extra, "ndim", 0) > 0:
+        raise BadInput("extra is an array; give metres, and points after it")
+    if kind is None or kind.kind not in "fiu":
+        raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
 
 
 def outside_limits(robot: Robot, q: np.ndarray, tolerance: float) -> str | None:

@@ -100,6 +100,19 @@ def check_path(
     return Path(path)
 
 
+def check_yes(name: str, value: object) -> bool:
+    """Return what a value says as yes or no; refuse what says neither: an array."""
+    if value is True or value is False:
+        return value
+    try:
+        return bool(value)
+    except (TypeError, ValueError) as error:
+        raise BadInput(
+            f"{name} is {told(value)}, which says neither yes nor no; give True or "
+            "False"
+        ) from error
+
+
 def settings_of(given: _T | None, kind: type[_T]) -> _T:
     """Return settings of a kind, the default ones for None; else BadInput."""
     if given is None:

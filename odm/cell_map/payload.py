@@ -14,7 +14,7 @@ from odm.close_test.arm import arm_of
 from odm.obstacles import shapes
 from odm.obstacles.grid import WorkspaceGrid
 from odm.obstacles.scenery import Scenery
-from roadmap.arrays import freeze
+from roadmap.arrays import as_floats, freeze
 from roadmap.builds.chunks import Progress, Workers
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.geometry.kept_covers import kept_cover
@@ -238,8 +238,8 @@ def _of_spheres(spheres: np.ndarray) -> CarriedObject:
 
 def _checked(spheres: object) -> np.ndarray:
     try:
-        array = np.array(spheres, dtype=np.float64, ndmin=2)
-    except (TypeError, ValueError, OverflowError) as error:
+        array = np.array(as_floats("the spheres", spheres), ndmin=2)
+    except BadInput as error:
         raise BadInput(
             f"an object of type {type(spheres).__name__} cannot be attached; give "
             "(n, 4) spheres, a shape of odm, or a carried_object"

@@ -165,6 +165,7 @@ class Frame:
         self.memory.patterns.base_world[:] = self.base_world
         self._nothing = grid.new_cloud(0)
         self.obstacles: Obstacles | None = None
+        self._shape_classes = b""  # as they were when the frame was taken
         self.n_given = 0
         # the arrays that came last, as they were found good: they need no second look
         self._taken = self._nothing.xyz
@@ -315,6 +316,7 @@ class Frame:
         self.n_given = len(points)
         if self.obstacles is None:
             return self._take_points(points, stamp, now, q)
+        self._shape_classes = self.obstacles.shape_classes.tobytes()
         if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
         return self._take_shapes(points, stamp, now, q)
@@ -337,6 +339,7 @@ class Frame:
             self.asked(q)
         if self.step_again is None:
             self.step_again = compiled_step_again(self.memory.table.dtype)
+        self._shape_classes = obstacles.shape_classes.tobytes()
         said = self.step_again(self.memory.table, self.q_taken)
         if said != _NOT_ASKED:
             self.trouble = None
@@ -577,6 +580,7 @@ class Frame:
             "solids": solids.rows[:n].copy(),
             "solid_kinds": solids.kind[:n].copy(),
             "solid_faces": solids.faces[:last].copy(),
+            "solid_classes": self.solid_classes.copy(),
         }
 
     def _load_solids(self, saved: dict[str, np.ndarray]) -> None:
@@ -594,6 +598,7 @@ class Frame:
         memory.solids.kind[: len(rows)] = saved["solid_kinds"]
         memory.solids.faces[: len(faces)] = faces
         memory.solids.count[0] = len(rows)
+        self._shape_classes = saved["solid_classes"].tobytes()
 
     # --- distances -------------------------------------------------------------
 
@@ -639,8 +644,7 @@ class Frame:
     def solid_classes(self) -> np.ndarray:
         """(k,) classes of the frame's shapes, all odm.AVOID where none were told."""
         n = self.memory.solids.count.item()
-        given = self.obstacles
-        return np.zeros(n, np.int8) if given is None else given.shape_classes[:n]
+        return np.frombuffer(self._shape_classes, np.int8)[:n]
 
     @property
     def solids(self) -> Solids:

@@ -5,7 +5,13 @@ import math
 import numpy as np
 
 from odm._groups import new
-from odm.checks import OBJECT, check_classes, check_path, check_points
+from odm.checks import (
+    OBJECT,
+    check_classes,
+    check_distance,
+    check_path,
+    check_points,
+)
 from odm.close_test.close_test import NO_SOLIDS
 from odm.close_test.sorted_clouds import SortedCloud
 from odm.frame._path_test import NOTHING, Keepers, Room, blocked_by_shapes
@@ -16,7 +22,7 @@ from odm.obstacles.obstacles import Obstacles, SolidRoom, lent_arrays, some_of
 from roadmap.errors import BadInput
 from roadmap.kinematics._limits import MOST_TURNED
 from roadmap.kinematics.forward import turns, unwrapped
-from roadmap.ranges import check_number, is_real, told
+from roadmap.ranges import check_number, told
 
 
 class PathTest:
@@ -93,11 +99,7 @@ class PathTest:
                     "itself what may touch; leave one of them out"
                 )
             check_number("nearer [m]", nearer, 0.0, 100.0)
-        if not is_real(extra):
-            if np.ndim(extra) > 0:
-                raise BadInput("extra is an array; give metres, and points after it")
-            if not isinstance(extra, np.ndarray):
-                raise BadInput(f"extra is {told(extra)}; give metres, 0 for none")
+        check_distance(extra)
         least = nearer - (self.frame.cell_map.safety.m + self.frame.extra)
         if -math.inf < extra < least - 1e-9:
             raise BadInput(

@@ -161,11 +161,17 @@ class SensorWatch:
         )
 
 
-def check_times(stamp: float | None, now: float | None) -> None:
-    """Refuse times that are no numbers; numpy's numbers are some. BadInput."""
+def checked_times(
+    stamp: float | None, now: float | None
+) -> tuple[float | None, float | None]:
+    """Return times as compiled loops take them: numbers of any type as floats.
+
+    BadInput for what is no number. To numba a whole number is another type.
+    """
     if stamp is now is None:
-        return  # as in most frames
+        return None, None  # as in most frames
     if not all(time is None or is_real(time) for time in (stamp, now)):
         raise BadInput(
             f"stamp is {told(stamp)} and now is {told(now)}; give seconds as numbers"
         )
+    return None if stamp is None else float(stamp), None if now is None else float(now)

@@ -17,7 +17,7 @@ from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, told
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
 _ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
@@ -28,6 +28,7 @@ _ROWS = {
     "boxes": "pose (3, 4) row by row, then three edge lengths",
     "meshes": "poses (3, 4) row by row",
 }
+MOST_SHAPES = 1_000_000  # of a kind; a frame takes fewer
 _NO_POINTS = np.zeros((0, 3))
 _WRONG = {
     kernels.NOT_FINITE: "is not finite, so it may be anywhere; check the sensor",
@@ -81,8 +82,9 @@ class Obstacles:
 
     # no others: a name with a slip, written to each frame, would be read by nobody
     __slots__ = (
-        "_boxes", "_capsules", "_counts", "_cylinders", "_data", "_hulls", "_meshes",
-        "_points", "_poses", "_size", "_spheres", "classes", "labels", "shape_classes",
+        "_boxes", "_capsules", "_counts", "_cylinders", "_data", "_hulls", "_labels",
+        "_meshes", "_points", "_poses", "_shape_classes", "_size", "_spheres",
+        "classes",
     )  # fmt: skip
 
     def __init__(
@@ -125,8 +127,8 @@ class Obstacles:
         self._points = _NO_POINTS
         if points is not None:
             self.points = points
-        self.shape_classes = np.zeros(self._size, np.int8)
-        self.labels = self._by_kind("labels", labels, KINDS)
+        self._shape_classes = np.zeros(self._size, np.int8)
+        self.labels = labels
         self.classes: np.ndarray | None = None
         if classes is not None:
             self._classify(self._by_kind("classes", classes, (*KINDS, "points")))
@@ -154,8 +156,9 @@ class Obstacles:
         self._size = n = len(rows)
         self._counts = np.array([n, 0, 0, 0, 0])
         self._hulls, self._data = (), rows.ravel()
-        self.shape_classes = np.zeros(n, np.int8)
-        self.labels, self.classes = {}, None
+        self._shape_classes = np.zeros(n, np.int8)
+        self._labels: dict[str, Sequence[str]] = {}
+        self.classes = None
 
     def __repr__(self) -> str:
         counts = [*zip(self._counts.tolist(), KINDS, strict=True)]
@@ -219,6 +222,16 @@ class Obstacles:
         lambda self, rows: self._take_points(rows),
         doc="(n, 3) points beside the shapes [m]; any other array may take its place.",
     )
+    labels = property(
+        attrgetter("_labels"),
+        lambda self, names: self._take_labels(names),
+        doc="Names of the shapes by kind; a mapping, or None for none.",
+    )
+    shape_classes = property(
+        attrgetter("_shape_classes"),
+        lambda self, classes: self._take_classes(classes),
+        doc="(k,) int8 classes of all shapes, kind after kind; may be written into.",
+    )
     meshes = property(
         attrgetter("_hulls"), doc="The meshes as `Hull`, each in its own frame."
     )
@@ -240,6 +253,14 @@ class Obstacles:
 
     def _take_points(self, points: np.ndarray) -> None:
         self._points = check_points(points, None, None, np.inf)
+
+    def _take_labels(self, labels: object) -> None:
+        self._labels = self._by_kind("labels", labels, KINDS)
+
+    def _take_classes(self, classes: object) -> None:
+        n = self._size
+        checked = check_classes(classes, n)
+        self._shape_classes = np.zeros(n, np.int8) if checked is None else checked
 
     def _write(self, kind: str, rows: np.ndarray) -> None:
         there = getattr(self, "_" + kind)
@@ -348,8 +369,10 @@ _WHOLE = (int, np.integer)
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:
     if isinstance(given, _WHOLE) and not isinstance(given, bool):
-        if given < 0:
-            raise BadInput(f"{given} {kind} were asked for; give 0 or more")
+        if not 0 <= given <= MOST_SHAPES:
+            raise BadInput(
+                f"{told(given)} {kind} were asked for; give 0 to {MOST_SHAPES}"
+            )
         return np.full((int(given), width), np.nan)
     rows = as_floats(kind, given)
     if rows.ndim != 2 or rows.shape[1] != width:

@@ -185,11 +185,15 @@ class Mesh(_Posed):
         """Return the convex hull of points (n, 3) [m] in the shape's frame.
 
         Raises:
-            BadInput: The points lie in a plane, or are not finite.
+            BadInput: The points are not (n, 3), lie in a plane, or are not finite.
         """
         from scipy.spatial import QhullError
 
         points = as_floats("the points of a hull", points)
+        if points.ndim != 2 or points.shape[1] != 3:  # others end the process in qhull
+            raise BadInput(
+                f"the points of a hull have shape {points.shape}; give (n, 3) in metres"
+            )
         try:
             faces = hull_facets(points)
         except (QhullError, ValueError) as error:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from odm.checks import outside_limits
 from odm.frame.frame import Frame
 from odm.planner.attaching import Attacher
 from odm.planner.path import PathInUse
@@ -277,6 +278,8 @@ class Connector(Remembering):
         far = np.linalg.norm(legs * frame.cell_map.roadmap.weights, axis=1)
         for i in np.argsort(far, kind="stable")[: self.settings.joins].tolist():
             leg, c = legs[i], first + i
+            if c == 0 and outside_limits(frame.robot, corners[0], 0.0) is not None:
+                continue  # a robot began there that was a little outside
             if frame.motion_clear(q, leg) and frame.static.motion_free(q, leg):
                 self.attacher.tidy()
                 item = self.attacher.sweep(q[None], leg[None])

@@ -31,6 +31,7 @@ from odm.approach.approach_answer import Approach
 from odm.cell_map.cell_map import CellMap
 from odm.checks import (
     check_configuration,
+    check_distance,
     check_numbers,
     check_path,
     check_points,
@@ -43,7 +44,7 @@ from odm.frame.freedom import check_valid, is_free
 from odm.frame.last_phase import LastPhase
 from odm.frame.path_test import PathTest
 from odm.frame.place import place_points
-from odm.frame.sensor_watch import SensorWatch, check_times
+from odm.frame.sensor_watch import SensorWatch, checked_times
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.point_cloud import PointCloud
 from odm.obstacles.surfaces import checked_rods
@@ -69,7 +70,13 @@ from odm.search._astar import LARGE
 from odm.search.state import Memory
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadConfiguration, BadInput
-from roadmap.ranges import check_kind, check_number, is_between, settings_of
+from roadmap.ranges import (
+    check_kind,
+    check_number,
+    check_yes,
+    is_between,
+    settings_of,
+)
 from roadmap.transforms import check_pose
 
 # what a frame's answer is packed with, which every frame takes apart
@@ -191,7 +198,7 @@ class ReactivePlanner:
 
     @always_replan.setter
     def always_replan(self, always: bool) -> None:
-        self._memory.rules.always[0] = bool(always)
+        self._memory.rules.always[0] = check_yes("always_replan", always)
 
     @property
     def smoother(self) -> Smoother:
@@ -359,8 +366,8 @@ class ReactivePlanner:
         stops by the cover, and would get stuck there.
         """
         self._memory.owner.check()
-        self._tight.used = bool(used)
-        if not used:
+        self._tight.used = check_yes("used", used)
+        if not self._tight.used:
             self._tight.forget()
 
     def prepare_goal(self, q: np.ndarray) -> bool:
@@ -462,7 +469,7 @@ class ReactivePlanner:
                 takes 4 to 100 ms.
         """
         begun, frame = perf_counter_ns(), self.frame
-        said = None
+        said, closed = None, check_yes("closed", closed)
         if (
             points is frame.again
             and dq is labels is stamp is now is None
@@ -476,7 +483,7 @@ class ReactivePlanner:
         else:
             if type(points) is PointCloud:
                 covering_radius = points.covering_radius
-            check_times(stamp, now)
+            stamp, now = checked_times(stamp, now)
             points, q = frame.checked(points, q, dq, labels, covering_radius, classes)
             at_once = q if self.decision.begin() else None
             said = frame.take(points, covering_radius, rounding, stamp, now, at_once)
@@ -552,7 +559,7 @@ class ReactivePlanner:
         frame, radius = self.frame, None
         if type(points) is PointCloud:
             radius = points.covering_radius
-        check_times(stamp, now)
+        stamp, now = checked_times(stamp, now)
         points, q = frame.checked(points, q, None, None, radius, None)
         frame.take(points, radius, None, stamp, now)
         self.path.followed = False
@@ -747,13 +754,14 @@ class ReactivePlanner:
 
     def _setting(self) -> dict[str, bytes]:
         """Return what a memory is good for, by what it is called in messages."""
-        hand = self.attached
+        thing = self.frame.thing
+        hand = () if thing is None else (thing.spheres, thing.shell)
         return {
             "map": _told_apart(self.cell_map),
             "settings": repr((self.settings, self.always_replan)).encode(),
             "base": self.world.T_world_base.tobytes(),
             "place": self.scene.identity(),
-            "hand": b"" if hand is None else hand.tobytes(),
+            "hand": b"".join(part.tobytes() for part in hand),
             "clearance": repr(self.extra).encode(),
         }
 
@@ -904,6 +912,7 @@ class ReactivePlanner:
             BadInput: Wrong length or not finite, or a phase that cannot be.
         """
         self.memory.owner.check()
+        by_links = check_yes("by_links", by_links)
         found = is_free(self.frame, q_a, q_b, phase, self._last_phase)
         if by_links and found.failed == "frame" and phase is None:
             q = check_numbers(self.robot, q_a)
@@ -1068,10 +1077,12 @@ class ReactivePlanner:
                 motion is known. Within one that is not finite there is nothing.
 
         Raises:
-            BadInput: A path or capsules of another shape.
+            BadInput: A path or capsules of another shape, or an `extra` that is no
+                number.
         """
         self.memory.owner.check()
         path = check_path(self.robot, path)
+        check_distance(extra)
         known = as_floats("the capsules that are known", known)
         if known.ndim != 2 or known.shape[1] != 7:
             raise BadInput(
@@ -1080,9 +1091,14 @@ class ReactivePlanner:
         return self._retreat.clear_of_others(path, extra, known)
 
     def cover(self) -> Cover:
-        """Return the spheres of the map's cover, payload included."""
+        """Return the spheres of the map's cover, payload included.
+
+        They are copies: who writes into them changes no test.
+        """
         self.memory.owner.check()
-        return self.frame.cover()
+        cover = self.frame.cover()
+        arm = type(cover.arm)(*(part.copy() for part in cover.arm))
+        return cover._replace(arm=arm, radii=cover.radii.copy(), bare=cover.bare.copy())
 
 
 def _scene_changed(

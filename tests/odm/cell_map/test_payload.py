@@ -276,7 +276,16 @@ def test_attaching_twice_and_detaching_nothing_is_refused(planner):
 
 
 @pytest.mark.parametrize(
-    "thing", [[[0, 0, 0]], [[0, 0, 0, -0.1]], [[0, 0, np.nan, 0.1]], "cup", []]
+    "thing",
+    [
+        [[0, 0, 0]],
+        [[0, 0, 0, -0.1]],
+        [[0, 0, np.nan, 0.1]],
+        [["0.1", "0", "0.02", "0.05"]],
+        np.array([[0.1, 0, 0.02, 0.05 + 0.1j]]),
+        "cup",
+        [],
+    ],
 )
 def test_a_thing_that_is_none_is_refused(planner, thing):
     with pytest.raises(BadInput):

@@ -308,6 +308,30 @@ def test_a_frame_that_was_refused_leaves_the_classes_of_the_last_one(planner):
     assert not planner.is_free(Q, Q, phase="give")
 
 
+@pytest.mark.parametrize("take", ["step", "step again", "see", "load"])
+def test_classes_that_are_written_for_the_next_frame_change_no_question(planner, take):
+    thing = odm.Obstacles.of([ball(planner, 0.0, 0.05)])  # at a finger's tip
+
+    def may_touch():
+        free = bool(planner.is_free(Q, Q, phase="receive"))
+        assert (planner.blocked_leg(Q[None], phase="receive") is None) == free
+        return free
+
+    for told in (odm.AVOID, odm.OBJECT):
+        thing.shape_classes[:] = odm.OBJECT - told
+        planner.step(thing, q=Q)
+        thing.shape_classes[:] = told
+        for _ in range(2 if take == "step again" else 1):
+            planner.see(thing, q=Q) if take == "see" else planner.step(thing, q=Q)
+        if take == "load":
+            saved = planner.save_memory()
+            planner.step(thing, q=Q, stamp=0.0, now=9.0)
+            planner.load_memory(saved)
+        assert may_touch() == (told == odm.OBJECT)
+        thing.shape_classes[:] = odm.OBJECT - told
+        assert may_touch() == (told == odm.OBJECT)
+
+
 def test_a_phase_that_cannot_be_is_refused(cell_map, planner):
     with pytest.raises(BadInput, match="choose 'give' or 'receive'"):
         planner.is_free(Q, Q, phase="take")

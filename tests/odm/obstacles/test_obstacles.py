@@ -194,6 +194,7 @@ def test_a_bad_value_holds_the_robot_and_says_which_shape(planner, change, text,
             r"capsules have shape \(2, 6\); give \(k, 7\)",
         ),
         ({"spheres": -1}, "-1 spheres were asked for"),
+        ({"cylinders": 2**70}, "cylinders were asked for; give 0 to 1000000"),
         ({"boxes": "box"}, "boxes must be an array"),
         ({"meshes": ["mesh"]}, "mesh 0 is a str; give an odm.Mesh"),
         ({"points": np.zeros((3, 2))}, r"points have shape \(3, 2\)"),
@@ -205,6 +206,27 @@ def test_a_bad_value_holds_the_robot_and_says_which_shape(planner, change, text,
 def test_a_wrong_shape_raises(given, text):
     with pytest.raises(BadInput, match=text):
         odm.Obstacles(**given)
+
+
+@each("classes", ["x", [1], [1.0, 2.0], [0, 7], [[0, 1]], 5, object()])
+def test_classes_that_are_none_are_refused_and_those_before_stay(classes):
+    obstacles = odm.Obstacles(spheres=2, classes={"spheres": [1, 2]})
+    with pytest.raises(BadInput, match="classes"):
+        obstacles.shape_classes = classes
+    assert obstacles.shape_classes.tolist() == [1, 2]
+    obstacles.shape_classes = [2, 0]
+    assert obstacles.shape_classes.dtype == np.int8
+    assert obstacles.shape_classes.tolist() == [2, 0]
+
+
+@each("labels", ["x", ["a"], 5, {"spheres": ["a", "b"]}, {"sphere": ["a"]}])
+def test_labels_that_are_none_are_refused_and_those_before_stay(labels):
+    obstacles = odm.Obstacles(spheres=1, labels={"spheres": ["head"]})
+    with pytest.raises(BadInput, match="labels"):
+        obstacles.labels = labels
+    assert obstacles.name(0) == "sphere 0 (head)"
+    obstacles.labels = None
+    assert obstacles.name(0) == "sphere 0"
 
 
 def test_another_number_of_rows_is_refused_and_a_wrong_kind_of_shape():

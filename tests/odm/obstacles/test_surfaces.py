@@ -308,6 +308,12 @@ def test_a_mesh_comes_from_a_file_in_its_own_unit(tmp_path):
         shapes.Mesh.from_file(tmp_path / "bad.stl")
 
 
+@pytest.mark.parametrize("shape", [(2, 3, 4), (9, 2), (9, 4), (3,), ()])
+def test_a_hull_of_what_are_no_points_is_refused_and_ends_no_process(shape):
+    with pytest.raises(BadInput, match=r"have shape .* give \(n, 3\)"):
+        shapes.Mesh.hull_of(np.zeros(shape), np.eye(4))
+
+
 def test_a_hull_with_corners_nanometres_apart_is_closed():
     """One of a Panda's fingers has such; to make them one tore the hull open."""
     from scipy.spatial import ConvexHull

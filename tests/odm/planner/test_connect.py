@@ -362,6 +362,29 @@ def test_a_found_path_is_joined_from_beside_its_start(small_map, hard):
     assert joined
 
 
+def test_no_found_path_is_joined_where_it_began_outside_the_limits(small_map, hard):
+    planner = odm.ReactivePlanner(
+        small_map, settings=PlannerSettings(persistence_frames=0, history_s=0.0)
+    )
+    robot, joined = planner.robot, 0
+    for scene in hard:
+        end = scene.ends[0].copy()
+        for j in np.flatnonzero(~robot.continuous):
+            scene.ends[0] = end.copy()
+            scene.ends[0][j] = robot.upper[j] + 9e-4  # as an encoder may tell it
+            if solved(planner, scene).stage != "search":
+                continue
+            planner.path.drop()
+            q = scene.ends[0].copy()
+            q[j] -= 2e-3
+            answer = planner.step(scene.points, q=q, covering_radius=FINE, closed=True)
+            joined += answer.stage == "search"
+            within = answer.path <= robot.upper
+            assert (within | robot.continuous).all()
+        scene.ends[0] = end
+    assert joined
+
+
 def test_in_contact_nothing_is_grown_and_nothing_joined(planner, monkeypatch):
     planner.always_replan = False
     planner.set_goals([AWAY])

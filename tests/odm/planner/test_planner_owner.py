@@ -265,6 +265,15 @@ def test_nothing_public_makes_room_or_exchanges_the_arrays(held):
             assert not hasattr(thing, name)
 
 
+def test_who_writes_into_the_cover_that_is_told_frees_nothing(held):
+    before = held.separation(HOME)
+    assert not held.stands_clear(HOME)
+    cover = held.cover()
+    for array in (cover.radii, cover.bare, *cover.arm):
+        array[:] = 0
+    assert not held.stands_clear(HOME) and held.separation(HOME) == before
+
+
 def test_room_never_shrinks_and_what_was_marked_stays(held):
     before, edges = held.separation(HOME), held.invalid_edges()
     room = len(held.memory.cloud.where)

@@ -6,6 +6,8 @@ from rows import each
 from small import AWAY, HOME, NOBODY, ball_at
 
 from odm.close_test import _close as close
+from odm.planner.saved_memory import differences
+from odm.search import _step as step
 from roadmap.errors import BadConfiguration, BadInput
 
 BALL = ball_at([0.3, 0.0, 0.9])
@@ -162,6 +164,9 @@ def test_costs_that_are_none_are_refused(planner, costs):
         ("dq", [[1], [1, 2]]),
         ("points", [[0, 0, 0], [1, 1]]),
         ("points", None),
+        ("closed", np.zeros(3)),
+        ("now", "noon"),
+        ("stamp", 10**400),
     ],
 )
 def test_other_arguments_of_a_frame_are_refused_and_the_last_frame_stays(
@@ -171,6 +176,46 @@ def test_other_arguments_of_a_frame_are_refused_and_the_last_frame_stays(
     with pytest.raises(BadInput):
         asked.step(**{"points": NOBODY, "q": HOME, argument: value})
     assert asked.separation(HOME) == before < np.inf
+
+
+@each("kind", [float, int, np.float32, np.float64, np.int64])
+def test_times_of_any_number_are_taken_and_compile_nothing(asked, kind):
+    kernels = (step.respond, step.notice)
+    asked.step(BALL, q=HOME, stamp=1.0, now=1.0)
+    asked.see(BALL, q=HOME, stamp=1.0, now=1.0)
+    before = [len(kernel.signatures) for kernel in kernels]
+    for times in ({"now": kind(2)}, {"stamp": kind(3), "now": kind(3)}):
+        assert asked.step(BALL, q=HOME, **times).status != "holding"
+        assert asked.see(BALL, q=HOME, **times) is None
+    assert [len(kernel.signatures) for kernel in kernels] == before
+    assert asked.step(BALL, q=HOME, now=2**70).status != "holding"
+
+
+YES_OR_NO = {
+    "by_links": lambda p, yes: p.is_free(HOME, AWAY, by_links=yes),
+    "used": lambda p, yes: p.use_tight_ends(yes),
+    "always_replan": lambda p, yes: setattr(p, "always_replan", yes),
+}
+
+
+@each("name", YES_OR_NO)
+def test_an_array_says_neither_yes_nor_no(asked, name):
+    saved = asked.save_memory()
+    with pytest.raises(BadInput, match=f"{name} is array.* give True or False"):
+        YES_OR_NO[name](asked, np.zeros(3))
+    assert not differences(saved, asked.save_memory())
+    YES_OR_NO[name](asked, np.bool_(False))
+
+
+@each("extra", [None, "1 cm", 1j, np.array("a"), np.zeros(2), 10**400, [[1], 2]])
+def test_a_distance_of_a_motion_away_is_a_number(asked, extra):
+    path, nobody = np.stack([HOME, AWAY]), np.zeros((0, 7))
+    for ask in (
+        lambda: asked.clear_of_others(path, extra, nobody),
+        lambda: asked.blocked_leg(path, extra),
+    ):
+        with pytest.raises(BadInput, match="extra is .* give metres"):
+            ask()
 
 
 @each("extra", [np.nan, np.inf, -0.1, 0.6, "1 cm", None, True])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from carrying import BALLS
+from carrying import BALLS, SHIFT
 from forms import some
 from small import AWAY, HOME, NOBODY, ball_at, draw_valid, small_recipe
 
@@ -116,6 +116,16 @@ def test_a_frame_of_more_points_than_there_is_room_for_is_loaded_as_it_was(arm3)
     saved = one.save_memory()
     other.load_memory(saved)
     assert not differences(other.save_memory(), saved)
+
+
+def test_an_object_of_the_same_spheres_and_another_hull_is_another_hand(carrying_map):
+    one, other = (odm.ReactivePlanner(carrying_map) for _ in range(2))
+    one.attach(odm.Box([0.02, 0.02, 0.04]), SHIFT)
+    one.set_goals([AWAY])
+    one.step(NOBODY, q=HOME)
+    other.attach(one.attached)  # its self-collision is tested with a larger hull
+    with pytest.raises(BadInput, match="another hand"):
+        other.load_memory(one.save_memory())
 
 
 def test_with_something_in_the_hand_too(carrying_map):
