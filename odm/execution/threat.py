@@ -45,7 +45,8 @@ within e + 2 e / W t + a s^2 / 2 + j s^3 / 6 of where that leads, s = max(0, t -
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
 expected there; see `odm.execution._threat.follow`. Its velocity counts from the third
-frame on that agrees. Where one is not known, R is e + speed * t about p(0).
+frame on that agrees. Where one is not known, R is e + speed * t about p(0), with w in
+the place of the speed where the radius grows faster.
 """
 
 import math
@@ -534,7 +535,9 @@ class Watcher:
         fastest: float = sum(fastest_of(velocity, error))
         before, speed = self._fastest
         passed = now - before
-        if not 0.0 <= passed <= self.follow.drift_s or fastest >= speed:
+        if passed < 0.0:  # of a frame that came late, or of a clock that was set back
+            self._fastest, passed = (now, speed), 0.0
+        if not passed <= self.follow.drift_s or fastest >= speed:
             self._fastest, passed, speed = (now, fastest), 0.0, fastest
         return speed + self.settings.acceleration * passed
 
