@@ -53,7 +53,6 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
@@ -72,7 +71,13 @@ from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, check_kind, setting, settings_of
+from roadmap.ranges import (
+    CheckedSettings,
+    check_kind,
+    check_seconds,
+    setting,
+    settings_of,
+)
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
@@ -395,11 +400,26 @@ class CloudThreat:
             those that no motion reaches, too: not of a cloud that a planner cropped.
         age: Age of the points [s]; None or NaN: not known, and nothing holds them.
         settings: Its `speed` and `noise` count.
+
+    Raises:
+        BadInput: No (n, 3) numbers, an age that is none, or other settings.
     """
 
     points: np.ndarray
     age: float | None
     settings: ThreatSettings
+
+    def __post_init__(self) -> None:
+        points = as_floats("the points of a cloud", self.points)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise BadInput(
+                f"the points of a cloud have shape {points.shape}; give (n, 3) [m]"
+            )
+        if self.age is not None:
+            check_seconds("the age of the points", self.age)
+        remedy = "give ThreatSettings(...)"
+        check_kind("settings", self.settings, ThreatSettings, remedy)
+        object.__setattr__(self, "points", points)
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return the points, and how far they may have come by `end` [m]."""
@@ -486,10 +506,10 @@ class Watcher:
                 f"the person's capsules have shape {capsules.shape}; give (k, 7): two "
                 "ends and a radius [m] of each part, (0, 7) for nobody"
             )
-        for name, value in (("now", now), ("the age of the capsules", age)):
-            if name == "now" or value is not None:
-                check_kind(name, value, Real, "give seconds as a number")
-        now = float(now)  # numpy would warn of the time between two that are infinite
+        # as Python's own: numpy would warn of the time between two that are infinite
+        now = check_seconds("now", now)
+        if age is not None:
+            age = check_seconds("the age of the capsules", age)
         told = self._told
         if told is not None and now == self._past[-1][0]:
             if np.array_equal(capsules, told.capsules):

@@ -17,7 +17,7 @@ from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, told
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
 _ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
@@ -344,12 +344,15 @@ _NONE = 0  # of the default; most frames have capsules and nothing else
 _NO_ROWS = [np.zeros((0, w)) for w in WIDTHS]  # as in `KINDS`
 _NO_POSES = np.zeros((0, 3, 4))
 _WHOLE = (int, np.integer)
+_MOST = 1_000_000  # shapes of a kind: more are no number of shapes
 
 
 def _rows(kind: str, given: object, width: int) -> np.ndarray:
     if isinstance(given, _WHOLE) and not isinstance(given, bool):
-        if given < 0:
-            raise BadInput(f"{given} {kind} were asked for; give 0 or more")
+        if not 0 <= given <= _MOST:
+            raise BadInput(
+                f"{told(given)} {kind} were asked for; give 0 or more, up to {_MOST}"
+            )
         return np.full((int(given), width), np.nan)
     rows = as_floats(kind, given)
     if rows.ndim != 2 or rows.shape[1] != width:
