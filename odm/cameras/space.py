@@ -34,10 +34,11 @@ class Seen:
     """What a frame tells; its arrays are the space's own until the next frame.
 
     Attributes:
-        points: (n, 3) centres of cubes that cover all blocked cells, base frame [m]:
-            what `planner.step` takes. One row of NaN where the frame is unfit, so
-            that a planner holds.
-        covering_radius: Half the diagonal of such a cube [m].
+        points: (n, 3) centres of cubes that stand for all blocked cells, base frame
+            [m]: what `planner.step` takes. Cells deep inside have one cube of double
+            size: no sphere of the map gets there unnoticed, but a smaller one may.
+            One row of NaN where the frame is unfit, so that a planner holds.
+        covering_radius: Half the diagonal of the smaller cubes [m].
         certified: "visible surface".
         stamp: Time of the last fit frame [s].
         trouble: Why this frame is unfit, one sentence; None when it is fit.

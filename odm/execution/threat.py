@@ -146,13 +146,15 @@ class ThreatSettings(CheckedSettings):
             period: Time between frames [s], over some of which velocities are averaged.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
-        longest = max(_FOLLOW.drift_s, self.window)
+        longest, fastest = max(_FOLLOW.drift_s, self.window), self.noise
+        fastest += self.speed * time
+        if period > longest + 1e-9:  # nobody is followed from frame to frame
+            return fastest
         known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)
         near = self.noise + error * time + 0.5 * self.acceleration * time * time
-        harder, fastest = self.jerk * time**3 / 6.0, self.noise + self.speed * time
-        return max(near, min(near + harder, fastest))
+        return max(near, min(near + self.jerk * time**3 / 6.0, fastest))
 
 
 class Moving(Protocol):
