@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from roadmap.errors import BadInput
 
@@ -16,9 +16,11 @@ _T = TypeVar("_T")
 
 def is_between(value: object, low: float, high: float) -> bool:
     """Return whether a value is a real number from low to high; NaN is not."""
+    if type(value) is float:
+        return low <= value <= high
     if not is_real(value):
         return False
-    return bool(low <= value <= high)  # type: ignore[operator]
+    return bool(low <= plain(value) <= high)  # type: ignore[operator]
 
 
 def is_real(value: object) -> bool:
@@ -28,6 +30,15 @@ def is_real(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     return not isinstance(value, int) or abs(value) <= sys.float_info.max
+
+
+def plain(value: _T) -> _T:
+    """Return a number of numpy's as Python's own, anything else as it is.
+
+    Python's are written to files, and do not overflow at 127.
+    """
+    numpys = type(value).__module__ == "numpy" and getattr(value, "shape", None) == ()
+    return value.item() if numpys else value  # type: ignore[attr-defined]
 
 
 def told(value: object) -> str:
@@ -63,13 +74,20 @@ def check_number(
     """
     sound = is_between(value, low, high)
     if sound and not (whole and not isinstance(value, Integral)):
-        return value
+        return plain(value)
     kind = "a whole number" if whole else "a number"
     limits = f"from {low:g}" + ("" if high == float("inf") else f" to {high:g}")
     raise BadInput(
         f"{name} is {told(value)}, but must be {kind} {limits}; change it"
         f"{f' in {where}' if where else ''}"
     )
+
+
+def check_seconds(name: str, value: float) -> float:
+    """Return a time [s], which may be NaN or infinite; refuse what is no number."""
+    if not is_real(value):
+        raise BadInput(f"{name} is {told(value)}; give seconds as a number")
+    return float(value)
 
 
 def check_rpy(
@@ -131,12 +149,13 @@ class CheckedSettings:
     """Settings whose fields that `setting` declares are checked when they are made.
 
     A field declared as `int` must be whole; None is sound where it is the default.
+    Numbers of numpy's are kept as Python's own, which recordings can hold.
     """
 
     def __post_init__(self) -> None:
         where = type(self).__name__
         for one in fields(self):
-            value = getattr(self, one.name)
+            value = self._plainly(one.name)
             if "range" not in one.metadata or (value is None and one.default is None):
                 continue
             low, high, unit = one.metadata["range"]
@@ -151,3 +170,12 @@ class CheckedSettings:
                 )
             for number in value:
                 check_number(f"a value of {name}", number, low, high, False, where)
+
+    def _plainly(self, name: str) -> Any:  # noqa: ANN401 (whatever the field holds)
+        """Return a field, whose numbers of numpy's are Python's from now on."""
+        value = getattr(self, name)
+        many = type(value) is tuple
+        found = tuple(map(plain, value)) if many else plain(value)
+        if many or found is not value:
+            object.__setattr__(self, name, found)
+        return found

@@ -132,6 +132,11 @@ class DepthCamera:
         no surface moves away from the camera.
         """
         depth = as_floats("the depths", depth_m)
+        if depth.ndim != 2:
+            raise BadInput(
+                f"the depths have shape {depth.shape}; give ({self.height}, "
+                f"{self.width}), those of an image of {self.name}"
+            )
         known = (depth > 0.0) & (depth < self.scale * NO_READING[1])
         known &= ~np.ma.getmaskarray(depth_m)
         pixels = np.floor(np.where(known, depth, 0.0) / self.scale + 1e-6)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from odm.cameras._remember import GO_FREE, GO_OCCUPIED, GO_ON
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, told
 
 POLICIES = {"free": GO_FREE, "occupied": GO_OCCUPIED, "keep": GO_ON}
 LARGEST_D_SELF = 0.01  # [m]
@@ -43,9 +43,9 @@ class SeenSettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.policy not in list(POLICIES):
+        if not (isinstance(self.policy, str) and self.policy in POLICIES):
             raise BadInput(
-                f"the policy {self.policy!r} is unknown; choose one of "
+                f"the policy {told(self.policy)} is unknown; choose one of "
                 f"{', '.join(POLICIES)}"
             )
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from odm.cell_map.cell_map import CellMap
 from odm.checks import check_configuration
 from roadmap.errors import BadInput
 from roadmap.loading.held_link import with_payload
-from roadmap.ranges import check_kind, settings_of
+from roadmap.ranges import check_kind, check_seconds, settings_of
 
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
@@ -35,10 +34,11 @@ class Seen:
     """What a frame tells; its arrays are the space's own until the next frame.
 
     Attributes:
-        points: (n, 3) centres of cubes that cover all blocked cells, base frame [m]:
-            what `planner.step` takes. One row of NaN where the frame is unfit, so
-            that a planner holds.
-        covering_radius: Half the diagonal of such a cube [m].
+        points: (n, 3) centres of cubes that stand for all blocked cells, base frame
+            [m]: what `planner.step` takes. Cells deep inside have one cube of double
+            size: no sphere of the map gets there unnoticed, but a smaller one may.
+            One row of NaN where the frame is unfit, so that a planner holds.
+        covering_radius: Half the diagonal of the smaller cubes [m].
         certified: "visible surface".
         stamp: Time of the last fit frame [s].
         trouble: Why this frame is unfit, one sentence; None when it is fit.
@@ -90,6 +90,8 @@ class SeenSpace:
         one = isinstance(cameras, DepthCamera)
         if not one:
             check_kind("cameras", cameras, Iterable, "give DepthCamera objects")
+            if isinstance(cameras, np.ndarray):  # maybe of no dimension
+                cameras = cameras.ravel()
         self.cameras = (cameras,) if one else tuple(cameras)
         self.settings = settings_of(settings, SeenSettings)
         self.covering_radius = layout.covering_radius(cell_map)
@@ -139,7 +141,7 @@ class SeenSpace:
         q = check_configuration(self.robot, q, None)
         payload = layout.check_payload(payload)
         self._carry(payload)
-        check_kind("stamp", stamp, Real, "give seconds as a number")
+        stamp = check_seconds("stamp", stamp)
         trouble = self._judge_time(stamp)
         if trouble is None and not np.isfinite(q).all():
             trouble = (
@@ -202,7 +204,6 @@ class SeenSpace:
         return [camera.check_image(image) for camera, image in pairs]
 
     def _judge_time(self, stamp: float) -> str | None:
-        stamp = float(stamp)
         if not np.isfinite(stamp):
             return f"the images are stamped {stamp}; give the time they were taken"
         last, self._last = self._last, stamp

@@ -135,7 +135,7 @@ def growth(parts, k, limits, begin, end):
     That is round where its velocity leads it by the middle of these times.
     """
     if not is_known(parts, k):
-        return limits[0] + limits[1] * end
+        return limits[0] + max(limits[1], parts.widening[k]) * end
     speed = speed_of(parts.velocity, k)
     pushed = max(0.0, end - parts.untouched[k])
     near = limits[0] + parts.error[k] * end + 0.5 * parts.most[k] * pushed * pushed

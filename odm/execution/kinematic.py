@@ -4,14 +4,16 @@ from typing import Any
 
 import numpy as np
 
+from odm.checks import check_numbers
 from odm.execution.executor import MOVING, RETREATING, STANDING
 from odm.execution.lookout import SeparationWatch, StandingWatch
 from odm.execution.settings import ExecutionSettings, PaceSettings
 from odm.execution.threat import Moving
 from roadmap.arrays import frozen
 from roadmap.kinematics.forward import difference, wrapped
+from roadmap.kinematics.joint_tree import check_robot
 from roadmap.motion.motion import Commit, SetPoint
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_number, settings_of
 from roadmap.robot.robot import Robot
 
 
@@ -82,6 +84,9 @@ class KinematicMover:
         settings: ExecutionSettings | None = None,
     ) -> None:
         settings = settings_of(settings, ExecutionSettings)
+        check_robot(robot, "max_velocity")
+        q = check_numbers(robot, q, "q")
+        period = check_number("the period of a mover [s]", period, 1e-9, 1e9)
         self.robot, self.planner, self.period = robot, planner, period
         self.state, self.reason = STANDING, ""
         self._min_retreat_separation = settings.min_retreat_separation

@@ -11,14 +11,14 @@ are none of those that are seen now are missing: they were lost, or have jumped.
 """
 
 import math
-from numbers import Real
+import sys
 from typing import NamedTuple
 
 import numpy as np
 
 from roadmap.arrays import as_floats, shown
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_number, check_seconds
 
 _JUMP = 0.1  # [m] a part that comes farther at once than it can has jumped
 _OTHER_NAME = 1e3  # [m] a part of the same name is nearer than any of another one
@@ -55,7 +55,8 @@ class MissingParts:
             is none.
 
     Raises:
-        BadInput: A time, a speed or a noise that is negative or not finite.
+        BadInput: A time, a speed or a noise that is negative or not finite, or a number
+            of parts that is no whole one.
     """
 
     def __init__(
@@ -65,13 +66,10 @@ class MissingParts:
         noise: float = 0.0,
         most: int = 200,
     ) -> None:
-        if not all(0.0 <= value < math.inf for value in (kept_s, speed, noise)):
-            raise BadInput(
-                f"kept_s is {kept_s}, speed {speed} and noise {noise}; give seconds, "
-                "m/s and metres, each 0 or more"
-            )
-        self.kept_s, self.speed, self.most = kept_s, speed, most
-        self._jump = _JUMP + 2.0 * noise
+        self.kept_s = check_number("kept_s [s]", kept_s, 0.0, 1e9)
+        self.speed = check_number("speed [m/s]", speed, 0.0, 1e3)
+        self.most = check_number("most", most, 0, sys.maxsize, whole=True)
+        self._jump = _JUMP + 2.0 * check_number("noise [m]", noise, 0.0, 1e3)
         nobody, none = np.zeros((0, 7)), np.zeros(0)
         self._parts = AllParts(nobody, none, nobody, None, none)
 
@@ -102,7 +100,7 @@ class MissingParts:
                 f"there are capsules of shape {capsules.shape} and {len(names)} names; "
                 "give (k, 7) and a name for each, (0, 7) and none for nobody"
             )
-        check_kind("now", now, Real, "give seconds as a number")
+        now = check_seconds("now", now)
         seen_s = np.full(len(names), now)
         as_seen = AllParts(capsules, names, capsules, None, seen_s)
         last, ends = self._parts, capsules[:, :6]

@@ -9,7 +9,7 @@ import numpy as np
 
 from odm.checks import check_configuration
 from odm.obstacles.obstacles import Obstacles
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import motion_per_point, sphere_centers
 from roadmap.ranges import check_kind
@@ -77,5 +77,17 @@ class RobotSpheres:
         return found
 
     def moved(self, dq: np.ndarray) -> np.ndarray:
-        """Return (n,) how far a centre gets where joint j moves by dq[j], at most."""
+        """Return (n,) how far a centre gets where joint j moves by dq[j], at most [m].
+
+        Args:
+            dq: (dof,) [rad or m]; by seconds, it is how fast [m/s].
+
+        Raises:
+            BadInput: It is no (dof,) array of numbers.
+        """
+        dq = as_floats("dq", dq)
+        if dq.shape != (self.robot.dof,):
+            raise BadInput(
+                f"dq has shape {dq.shape}; give ({self.robot.dof},), one for each joint"
+            )
         return self.motion_bounds @ np.abs(dq)

@@ -22,8 +22,11 @@ from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.motion.motion import Motion
-from roadmap.ranges import check_number
+from roadmap.ranges import check_kind, check_number, check_seconds
 from roadmap.transforms import check_pose, moved_points
+
+_SPHERES = "give RobotSpheres(...) of the other robot"
+_INTENT = "give what intent_of returns"
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +48,11 @@ def intent_of(executor: Executor) -> Intent:
         executor: In a frame in which it was updated, or before its first one.
 
     Raises:
-        BadInput: Its robot follows late: it may be where no motion leads any more.
+        BadInput: Its robot follows late: it may be where no motion leads any more; or
+            it is no executor.
     """
+    if not hasattr(executor, "settings"):
+        check_kind("executor", executor, (), "give the other robot's Executor")
     late = executor.settings.latency_s
     if late:
         raise BadInput(
@@ -99,7 +105,14 @@ def intent_threat(
         intent: From `intent_of`.
         T_base_other: (4, 4) its base where `step` of the robot that asks has obstacles:
             in that one's base frame, or in the world after `set_base`.
+
+    Raises:
+        BadInput: Arguments of another kind, or a pose that is not rigid.
     """
+    check_kind("spheres", spheres, RobotSpheres, _SPHERES)
+    check_kind("intent", intent, tuple, _INTENT)
+    for stretch in intent:
+        check_kind("a part of intent", stretch, Stretch, _INTENT)
     settings = IntentSettings()
     limit = np.asarray(spheres.robot.max_acceleration)
     T = check_pose(T_base_other, "T_base_other")
@@ -191,11 +204,17 @@ def limits_threat(
     """Return the threat of a robot known by its joints alone.
 
     Raises:
-        BadInput: It moves faster than it is said to, or its state is not finite.
+        BadInput: It moves faster than it is said to, its state is not finite, or an
+            argument is of another kind.
     """
+    check_kind("spheres", spheres, RobotSpheres, _SPHERES)
+    if age is not None:
+        check_seconds("the age of the other robot's joints", age)
+    T_base_other = check_pose(T_base_other, "T_base_other")
     robot = spheres.robot
     q, dq = as_floats("q", q), as_floats("dq", dq)
-    check_number("the other robot's speed_scale", speed_scale, 0.0, math.inf)
+    name = "the other robot's speed_scale"
+    speed_scale = check_number(name, speed_scale, 0.0, math.inf)
     for name, value in (("q", q), ("dq", dq)):
         if value.shape != (robot.dof,) or not np.isfinite(value).all():
             raise BadInput(

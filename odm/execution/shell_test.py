@@ -52,8 +52,8 @@ class ShellTest:
         shells = self._shells
         if shells is None or shells.robot is not robot:
             shells = self._shells = Shells(robot)
-        if not len(shells):
-            return False  # a robot without solids is its cover
+        if not shells.complete:
+            return False  # a link without a shell is its cover
         before = max(begin - t, 0.0)
         parts = ((motion, t, t + before, 0.0), (stop, 0.0, stop.duration, before))
         return all(self._clear(shells, *part, threat, least) for part in parts)

@@ -31,6 +31,7 @@ from odm.execution.settings import AheadSettings
 from odm.execution.threat import Threat
 from roadmap.arrays import writable
 from roadmap.kinematics.forward import difference
+from roadmap.kinematics.joint_tree import check_robot
 from roadmap.motion.motion import Motion
 from roadmap.ranges import CheckedSettings, setting, settings_of
 from roadmap.robot.robot import Robot
@@ -79,6 +80,7 @@ class SpeedLimit:
 
     def __init__(self, robot: Robot, settings: SpeedSettings | None = None) -> None:
         """Take the spheres of the links that joints move."""
+        check_robot(robot, "max_velocity")
         s = settings_of(settings, SpeedSettings)
         self.robot, self.settings, self._ahead = robot, s, AheadSettings()
         lost = s.intrusion + s.position_error

@@ -188,7 +188,7 @@ def slowest_stop(
     """
     check_robot(robot, "max_jerk")
     check_kind("settings", settings, ExecutionSettings, "give ExecutionSettings(...)")
-    check_number("period [s]", period, 0.0, 10.0)
+    period = check_number("period [s]", period, 1e-4, 10.0)
     check_kind("threat", threat, ThreatSettings, "give ThreatSettings(...)")
     time = stop_time(robot, settings.slowest_scale, period) + settings.latency_s
     if time <= PaceSettings().quick_s:  # nobody is expected to speed up harder

@@ -45,14 +45,14 @@ within e + 2 e / W t + a s^2 / 2 + j s^3 / 6 of where that leads, s = max(0, t -
 Names. Velocities are nonsense where parts exchange their names, or where one jumps. A
 part is followed only while it is where it was expected to be, and no other part was
 expected there; see `odm.execution._threat.follow`. Its velocity counts from the third
-frame on that agrees. Where one is not known, R is e + speed * t about p(0).
+frame on that agrees. Where one is not known, R is e + speed * t about p(0), with w in
+the place of the speed where the radius grows faster.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
@@ -71,7 +71,13 @@ from odm.execution.settings import FollowSettings
 from odm.obstacles.obstacles import Obstacles
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, check_kind, setting, settings_of
+from roadmap.ranges import (
+    CheckedSettings,
+    check_kind,
+    check_seconds,
+    setting,
+    settings_of,
+)
 
 _STEADY = 1e-9  # [m] radii that are placed anew round
 _FOLLOW = FollowSettings()
@@ -140,13 +146,15 @@ class ThreatSettings(CheckedSettings):
             period: Time between frames [s], over some of which velocities are averaged.
         """
         frames = max(1, math.floor(self.window / period + 1e-9))
-        longest = max(_FOLLOW.drift_s, self.window)
+        longest, fastest = max(_FOLLOW.drift_s, self.window), self.noise
+        fastest += self.speed * time
+        if period > longest + 1e-9:  # nobody is followed from frame to frame
+            return fastest
         known = max(frames, math.floor(longest / period + 1e-9))
         near = (frames, min(frames + 1, known))  # the best time lies between them
         error = min(self.velocity_error(n * period) for n in near)
         near = self.noise + error * time + 0.5 * self.acceleration * time * time
-        harder, fastest = self.jerk * time**3 / 6.0, self.noise + self.speed * time
-        return max(near, min(near + harder, fastest))
+        return max(near, min(near + self.jerk * time**3 / 6.0, fastest))
 
 
 class Moving(Protocol):
@@ -394,11 +402,26 @@ class CloudThreat:
             those that no motion reaches, too: not of a cloud that a planner cropped.
         age: Age of the points [s]; None or NaN: not known, and nothing holds them.
         settings: Its `speed` and `noise` count.
+
+    Raises:
+        BadInput: No (n, 3) numbers, an age that is none, or other settings.
     """
 
     points: np.ndarray
     age: float | None
     settings: ThreatSettings
+
+    def __post_init__(self) -> None:
+        points = as_floats("the points of a cloud", self.points)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise BadInput(
+                f"the points of a cloud have shape {points.shape}; give (n, 3) [m]"
+            )
+        if self.age is not None:
+            check_seconds("the age of the points", self.age)
+        remedy = "give ThreatSettings(...)"
+        check_kind("settings", self.settings, ThreatSettings, remedy)
+        object.__setattr__(self, "points", points)
 
     def between(self, begin: float, end: float) -> tuple[np.ndarray, float]:
         """Return the points, and how far they may have come by `end` [m]."""
@@ -485,10 +508,10 @@ class Watcher:
                 f"the person's capsules have shape {capsules.shape}; give (k, 7): two "
                 "ends and a radius [m] of each part, (0, 7) for nobody"
             )
-        for name, value in (("now", now), ("the age of the capsules", age)):
-            if name == "now" or value is not None:
-                check_kind(name, value, Real, "give seconds as a number")
-        now = float(now)  # numpy would warn of the time between two that are infinite
+        # as Python's own: numpy would warn of the time between two that are infinite
+        now = check_seconds("now", now)
+        if age is not None:
+            age = check_seconds("the age of the capsules", age)
         told = self._told
         if told is not None and now == self._past[-1][0]:
             if np.array_equal(capsules, told.capsules):
@@ -534,7 +557,9 @@ class Watcher:
         fastest: float = sum(fastest_of(velocity, error))
         before, speed = self._fastest
         passed = now - before
-        if not 0.0 <= passed <= self.follow.drift_s or fastest >= speed:
+        if passed < 0.0:  # of a frame that came late, or of a clock that was set back
+            self._fastest, passed = (now, speed), 0.0
+        if not passed <= self.follow.drift_s or fastest >= speed:
             self._fastest, passed, speed = (now, fastest), 0.0, fastest
         return speed + self.settings.acceleration * passed
 

@@ -239,7 +239,8 @@ def _corners(crop: object) -> np.ndarray:
     wrong = (
         "give (lower, upper), two corners of 3 numbers in metres, a planner or a map"
     )
-    if not isinstance(crop, Sequence | np.ndarray) or len(crop) != 2:
+    rows = isinstance(crop, Sequence) or isinstance(crop, np.ndarray) and crop.ndim
+    if not rows or len(crop) != 2:  # type: ignore[arg-type]
         raise BadInput(f"crop is {crop!r}; {wrong}")
     corners = as_floats("crop", crop)
     if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():

@@ -14,7 +14,7 @@ from odm.obstacles import shapes as solid
 from odm.obstacles._surfaces import SHRINK, sample_rods
 from roadmap.arrays import as_floats, frozen, writable
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import check_kind, is_between, told
 from roadmap.transforms import check_pose, moved_points
 
 MOST_POINTS = 20_000_000  # of one shape
@@ -83,8 +83,8 @@ def surface_of(shape: solid.Shape, spacing: float = 0.03, label: str = "") -> Su
             "Box or Mesh"
         )
     T = shape.T_base_shape
-    radius = spacing
-    check_spacing(spacing)
+    check_kind("label", label, str, "give a name")
+    radius = spacing = check_spacing(spacing)
     _check_area(shape, spacing)
     if isinstance(shape, solid.Sphere):
         row = np.concatenate([T[:3, 3], T[:3, 3], [shape.radius]])
@@ -118,7 +118,7 @@ def box_faces(box: solid.Box, spacing: float = 0.01) -> Surface:
     """
     if not isinstance(box, solid.Box):
         raise BadInput(f"{box!r} is no Box; sample other shapes with surface_of")
-    check_spacing(spacing)
+    spacing = check_spacing(spacing)
     rho, size = spacing * SHRINK, box.size
     lines = [_edge(length, rho) for length in size]
     parts = [_box_points(size, rho)]
@@ -232,10 +232,14 @@ def _check_area(shape, spacing):
         )
 
 
-def check_spacing(spacing: float) -> None:
-    """Refuse a spacing that is no positive number [m]."""
-    if not is_between(spacing, 1e-6, np.inf):
-        raise BadInput(f"spacing {spacing} m must be above 0: 0.03 suits most maps")
+def check_spacing(spacing: float) -> float:
+    """Return a spacing [m]; refuse what is no positive number, or no distance."""
+    if not is_between(spacing, 1e-6, solid.LARGEST):
+        raise BadInput(
+            f"spacing {told(spacing)} m must be above 0 and at most {solid.LARGEST:g} "
+            "m: 0.03 suits most maps"
+        )
+    return float(spacing)
 
 
 def checked_rods(rods: np.ndarray, kind: str) -> np.ndarray:

@@ -12,10 +12,11 @@ from odm.execution.settings import ExecutionSettings
 from odm.execution.speed_limit import NOBODY
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference, sphere_centers
-from roadmap.ranges import CheckedSettings, setting, settings_of
+from roadmap.kinematics.joint_tree import check_robot
+from roadmap.ranges import CheckedSettings, check_kind, setting, settings_of, told
 from roadmap.robot.robot import Robot
 from sim.loop.garbage import NotCollected
 from sim.loop.run_result import RETREATS, STATUS, RunResult, holds_of, new_paths
@@ -64,9 +65,10 @@ class LoopSettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.execution not in MOVERS:
+        if not (isinstance(self.execution, str) and self.execution in MOVERS):
             raise BadInput(
-                f"execution is {self.execution!r}; choose one of {', '.join(MOVERS)}"
+                f"execution is {told(self.execution)}; choose one of "
+                f"{', '.join(MOVERS)}"
             )
 
 
@@ -144,6 +146,8 @@ class Loop:
         encoder_error: float = 0.0,
     ) -> None:
         self.settings = settings_of(settings, LoopSettings)
+        if not (hasattr(planner, "step") and hasattr(planner, "set_goals")):
+            check_kind("planner", planner, (), "give an odm.ReactivePlanner")
         self.robot, self.planner, self.motion = robot, planner, motion
         self.places = _checked_places(robot, places)
         self.trips, self.index, self.place = 0, 0, 1
@@ -401,7 +405,8 @@ def slowed_of(frames: list[Frame]) -> int:
 
 
 def _checked_places(robot: Robot, places: np.ndarray) -> np.ndarray:
-    places = frozen(places, np.float64)
+    check_robot(robot, "max_velocity")
+    places = frozen(as_floats("work places", places), np.float64)
     if places.ndim != 2 or len(places) < 2 or places.shape[1] != robot.dof:
         raise BadInput(
             f"work places have the shape {places.shape}; give at least two "

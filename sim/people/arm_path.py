@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from roadmap.arrays import freeze, frozen
+from roadmap.ranges import check_number
 from sim.people.arm import HumanArm, facing_robot
 
 SHOULDER = (0.85, 0.15, 0.50)  # p_base_shoulder of a right arm reaching to the robot
@@ -74,7 +75,7 @@ class ScriptedMotion:
 
     def capsules(self, t: float) -> np.ndarray:
         """Return the arm at time `t` [s] as (2, 7) capsules a, b, radius [m]."""
-        t = t % self.period
+        t = check_number("the time of a motion [s]", t, -1e12, 1e12) % self.period
         k = min(int(np.searchsorted(self._ends, t, side="right")), len(self.legs) - 1)
         hand = self.legs[k].at(t - (self._ends[k - 1] if k else 0.0))
         wave = np.sin(2 * np.pi * TREMBLE_HZ * t)

@@ -1,5 +1,6 @@
 """Where the person is at time t: one protocol, scripted motions blind to the robot."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -7,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind, check_number, is_between, told
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person, Round, ScriptedMotion
 
@@ -185,14 +187,19 @@ def make_motion(name: str, seed: int = 0, person: Person | None = None) -> Human
             shoulder is 0.85 m in front of the robot's base.
 
     Raises:
-        BadInput: There is no motion of that name, or the speed limit is not positive.
+        BadInput: There is no motion of that name, the speed limit is not positive, or
+            an argument is of another kind.
     """
-    if name not in _SOURCES:
-        raise BadInput(f"no motion {name!r}; choose one of {', '.join(_SOURCES)}")
-    person = person or Person(HumanArm.sized())
-    if person.max_speed is not None and not person.max_speed > 0:
+    if not (isinstance(name, str) and name in _SOURCES):
+        raise BadInput(f"no motion {told(name)}; choose one of {', '.join(_SOURCES)}")
+    seed = int(check_number("the seed of a motion", seed, 0, math.inf, whole=True))
+    if person is None:
+        person = Person(HumanArm.sized())
+    check_kind("person", person, Person, "give a sim.people.arm_path.Person")
+    limit = person.max_speed
+    if limit is not None and not is_between(limit, 1e-6, 1e6):
         raise BadInput(
-            f"a speed limit of {person.max_speed} m/s is not positive; "
-            "give one above 0 or none"
+            f"a speed limit of {told(limit)} m/s is not positive; give one above 0 or "
+            "none"
         )
     return _SOURCES[name](person, np.random.default_rng(seed))

@@ -13,6 +13,7 @@ import numpy as np
 from odm.cell_map.cell_map import CellMap
 from odm.execution.executor import BRAKED, MOVING, RETREATING, SLOWED, STANDING
 from roadmap.errors import BadInput
+from roadmap.ranges import plain
 from roadmap.robot.robot import Robot
 from sim.loop.loop import Frame, Loop
 from sim.loop.run_result import STATUS, holds_of, kind_of, new_paths
@@ -173,7 +174,7 @@ class Recorder:
             "frames": self.frames,
             "motion": {
                 "name": NOBODY if motion is None else motion.name,
-                "max_speed": getattr(motion, "max_speed", None),
+                "max_speed": plain(getattr(motion, "max_speed", None)),
                 "notes": list(getattr(motion, "notes", ())),
             },
             "settings": asdict(loop.settings),

@@ -8,7 +8,7 @@ import numpy as np
 
 from handover.human.anthropometry import HEIGHTS
 from handover.human.body import ARM, COLUMN, JOINTS, SIDES, BodySizes, UpperBody
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_path, is_between, settings_of, told
 from roadmap.transforms import moved_points
 from sim.people.mocap.axes import floor_height, metres_per_unit, up_axis, z_up
 from sim.people.mocap.bvh import parse_bvh
@@ -36,6 +36,8 @@ from sim.people.mocap.unseen import (
 from sim.people.mocap.vicon import HEADER, parse_csv
 
 ENOUGH_HZ = 100.0  # a faster recording is thinned to this or just above
+_HIGHEST = 100.0  # [m] that a floor or a base is from where heights are measured
+_FARTHEST = 1e6  # [m] or [rad] of where a person stands
 
 
 @dataclass(frozen=True)
@@ -68,27 +70,41 @@ class MocapSettings:
     accept_defects: bool = False
 
     def __post_init__(self) -> None:
-        numbers = {"base_height": self.base_height, "floor": self.floor or 0.0}
+        floor = 0.0 if self.floor is None else self.floor
+        numbers = {"base_height": self.base_height, "floor": floor}
         for name, value in numbers.items():
-            if not abs(value) < 100:
-                raise BadMocap(f"{name} is {value} m; give metres from the floor")
-        if not HEIGHTS[0] <= self.height <= HEIGHTS[1]:
+            if not is_between(value, -_HIGHEST, _HIGHEST):
+                raise BadMocap(f"{name} is {told(value)} m; give metres from the floor")
+        if not is_between(self.height, *HEIGHTS):
             raise BadMocap(
-                f"a height of {self.height} m is outside {HEIGHTS[0]} to {HEIGHTS[1]} "
-                "m; give that of an adult"
+                f"a height of {told(self.height)} m is outside {HEIGHTS[0]} to "
+                f"{HEIGHTS[1]} m; give that of an adult"
             )
-        if not 0 <= self.smooth_s <= 0.5:
+        if not is_between(self.smooth_s, 0.0, 0.5):
             raise BadMocap(
-                f"smooth_s is {self.smooth_s} s; give 0 to 0.5, or fast hands get lost"
+                f"smooth_s is {told(self.smooth_s)} s; give 0 to 0.5, or fast hands "
+                "get lost"
             )
         stand = self.stand
-        if stand is not None and not (len(stand) == 3 and np.isfinite(stand).all()):
-            raise BadMocap(f"stand is {stand}; give x [m], y [m] and yaw [rad]")
+        if stand is not None and not _is_place(stand):
+            raise BadMocap(f"stand is {told(stand)}; give x [m], y [m] and yaw [rad]")
+        for name in ("loop", "accept_defects"):
+            value = getattr(self, name)
+            if not isinstance(value, bool | np.bool_):
+                raise BadMocap(f"{name} is {told(value)}; give True or False")
+
+
+def _is_place(stand: object) -> bool:
+    """Whether it is two coordinates [m] and an angle [rad]."""
+    sound = isinstance(stand, Sequence) or isinstance(stand, np.ndarray) and stand.ndim
+    if not sound or len(stand) != 3:  # type: ignore[arg-type]
+        return False
+    return all(is_between(x, -_FARTHEST, _FARTHEST) for x in stand)
 
 
 def read_tracks(path: str | Path) -> Tracks:
     """Read a Vicon .csv or a .bvh, told apart by what is in it."""
-    path = Path(path)
+    path = check_path("path", path, "give that of a .csv or a .bvh")
     text = read_text(path)
     first = next(iter(text.lstrip().splitlines()), "").strip()
     if first.upper().startswith("HIERARCHY"):

@@ -1,5 +1,6 @@
 """A recorded person over time: a `sim.people.human_motion.HumanMotion`."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from handover.human.body import JOINTS
 from roadmap.arrays import freeze
 from roadmap.errors import BadInput
+from roadmap.ranges import is_between, told
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,10 @@ class MocapMotion:
 
     def _frame(self, t: float) -> tuple[int, float]:
         """Return the frame before time `t` and the share of the way to the next."""
-        if not 0.0 <= t < np.inf:
+        if not is_between(t, 0.0, sys.float_info.max):
             raise BadInput(
-                f"the clip {self.name} was asked for t = {t} s; give a time from 0 on"
+                f"the clip {self.name} was asked for t = {told(t)} s; give a time from "
+                "0 on"
             )
         n = len(self.frames)
         at = t * self.rate_hz

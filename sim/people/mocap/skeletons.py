@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from handover.human.body import ARM, JOINTS, SIDES
+from roadmap.ranges import check_path
 from sim.people.mocap.subjects import Roll, split
 from sim.people.mocap.tracks import BadMocap, Tracks
 
@@ -17,6 +18,7 @@ KNOWN = (*JOINTS, *FEET, *TOES)
 PLUG_IN_GAIT = "Vicon Plug-in Gait"
 PELVIS = ("LPSI", "RPSI", "LASI", "RASI")  # its markers where there is no SACR
 _LIMBS = (*ARM, "foot", "toe", "tip")
+_MAPPING = "give the path of a TOML file, or joint -> name"
 
 
 def _names(sides: str, trunk: str, limbs: str) -> dict[str, str]:
@@ -107,7 +109,7 @@ def joints_of(
     if mapping is None:
         return _best(tracks, roll)
     if not isinstance(mapping, Mapping):
-        label = Path(mapping).name
+        label = check_path("the mapping", mapping, _MAPPING).name
         mapping = read_mapping(mapping)
     _check(mapping, label)
     absent = [f"{n!r} ({j})" for j, n in mapping.items() if not roll.find(n)]
@@ -145,7 +147,7 @@ def pelvis_of(tracks: Tracks, names: Mapping[str, str]) -> tuple[np.ndarray, str
 
 def read_mapping(path: str | Path) -> dict[str, str]:
     """Return joint -> name from a TOML file of lines like `right_hand = "rHand"`."""
-    path = Path(path)
+    path = check_path("the mapping", path, _MAPPING)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -174,7 +176,7 @@ def joint_mapping(mapping: str | Path | Mapping[str, object] | None) -> JointMap
         return JointMapping()
     label = "the mapping"
     if not isinstance(mapping, Mapping):
-        label = Path(mapping).name
+        label = check_path("the mapping", mapping, _MAPPING).name
         mapping = read_mapping(mapping)
     unit, up = mapping.get("unit"), mapping.get("up")
     wrong = isinstance(unit, bool) or not isinstance(unit, str | float | int | None)

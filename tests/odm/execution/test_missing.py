@@ -145,8 +145,13 @@ def test_what_is_no_list_of_parts_is_refused():
         parts.complete(np.zeros((2, 6)), np.zeros(2), 0.0)
     with pytest.raises(BadInput, match=r"and 1 names; give \(k, 7\)"):
         parts.complete(np.zeros((2, 7)), np.zeros(1), 0.0)
-    for wrong in ((-1.0, 2.0), (1.0, np.nan), (np.inf, 2.0), (1.0, 2.0, -0.1)):
-        with pytest.raises(BadInput, match=r"kept_s is .*; give seconds, m/s and met"):
+    for wrong, told in (
+        ((-1.0, 2.0), r"kept_s \[s\] is -1.0, but must be a number from 0"),
+        ((1.0, np.nan), r"speed \[m/s\] is nan"),
+        ((np.inf, 2.0), r"kept_s \[s\] is inf"),
+        ((1.0, 2.0, -0.1), r"noise \[m\] is -0.1"),
+    ):
+        with pytest.raises(BadInput, match=told):
             MissingParts(*wrong)
 
 

@@ -1,5 +1,6 @@
 """What the shells of the links let pass is apart from the person by exact geometry."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -99,6 +100,25 @@ def test_what_is_not_known_does_not_pass(lean, rng, what):
         begin = t + PERIOD
         stop = motion.stop(begin)
     assert not ShellTest(planner).passes(motion, t, begin, stop, threat, 0.0)
+
+
+def test_a_robot_some_links_of_which_have_no_shell_does_not_pass(lean, rng):
+    """What its other links sweep says nothing of them."""
+    robot, still = lean.robot, stays(np.array([3.0, 0, 0, 3.0, 0, 0.3, 0.05]))
+    how = *case_of(robot, rng, 0.0)[:4], still, 0.0
+    assert ShellTest(lean).passes(*how)
+    last = len(robot.shell_link) - 1
+    ptr = np.delete(robot.shell_ptr, last)
+    assert robot.shell_link[last] in robot.sphere_link[robot.moving]
+    bare = replace(
+        robot,
+        shell_link=robot.shell_link[:last],
+        shell_ptr=ptr,
+        shell_points=robot.shell_points[: ptr[-1]],
+        shell_reach=robot.shell_reach[:last],
+    )
+    planner = SimpleNamespace(static=SimpleNamespace(robot=bare), frame=lean.frame)
+    assert not ShellTest(planner).passes(*how)
 
 
 def stays(rows, rates=0.0):

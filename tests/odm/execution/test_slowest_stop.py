@@ -45,6 +45,20 @@ def test_somebody_comes_as_far_as_the_braking_test_counts_with(
     assert comes == pytest.approx(seen.displacement_bound(time), rel=1e-9)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_how_far_somebody_comes_is_told_of_any_rate(noise):
+    """Below 5 frames a second nobody is followed from one to the next."""
+    threat = ThreatSettings(noise=noise)
+    for period in (0.002, 0.01, 1.0 / 30, 0.1, 0.2, 0.21, 0.5, 1.0):
+        watcher, stands = Watcher(threat), np.array([[1.0, 0, 0, 1, 0, 0.5, 0.05]])
+        for k in range(int(1.0 / period) + 5):
+            seen = watcher.look(stands, period * k)
+        assert seen.known.all() == (period <= 0.2)
+        for time in (0.05, 0.2, 1.0):
+            told = threat.displacement_bound(time, period)
+            assert told == pytest.approx(seen.displacement_bound(time), rel=1e-9)
+
+
 def test_who_follows_late_stops_so_much_later_and_is_quick_no_more(small_map):
     robot = replace(small_map.robot, max_jerk=100.0 * small_map.robot.max_jerk)
     times, quick = [], []

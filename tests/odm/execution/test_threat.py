@@ -405,6 +405,20 @@ def test_a_part_that_was_fast_and_is_lost_is_bounded_by_how_fast_it_was():
             assert growth(threat, 0.0, 0.2)[0] >= 0.2 * (speed + sped_up) - 1e-9
 
 
+@pytest.mark.parametrize("back", [0.1, 3.0])
+def test_how_fast_a_part_was_is_known_behind_a_frame_that_is_older(back):
+    """One that came late, or the first one of a clock that was set back."""
+    watcher, hand = Watcher(), np.array([[0.0, 0, 1, 0, 0, 1.2, 0.05]])
+    for k in range(12):
+        at = hand + [*np.tile([0.03 * k, 0.0, 0.0], 2), 0.0]
+        threat = watcher.look(at, 0.01 * k)
+    assert threat.known.all()
+    for k in range(2):
+        threat = watcher.look(at, 0.11 - back + 0.01 * k)
+        assert not threat.known.any()
+        assert growth(threat, 0.0, 0.2)[0] >= 0.2 * 3.0 - 1e-9
+
+
 def test_who_lately_sped_up_by_more_than_is_assumed_may_do_half_as_much_again():
     for a, most in ((2.0, 4.0), (12.0, 18.0), (45.0, 60.0)):
         watcher = Watcher()
@@ -504,6 +518,18 @@ def test_a_part_that_is_not_seen_is_held_wherever_it_may_have_come(rate, rng):
                         without = max(without, off)
     assert worst <= 1e-9
     assert without > 0.05
+
+
+def test_a_part_that_nobody_has_seen_yet_comes_as_fast_as_it_grows():
+    """Not as fast as parts of unknown speed do, where that is less."""
+    watcher, v = Watcher(), np.array([3.9, 0.0, 0.0])
+    for k in range(6):
+        threat = watcher.look(shown(0.01 * k, 0.0, v, growing=4.0), 0.01 * k)
+        for t in (0.02, 0.2) if k else ():
+            there, more = threat.between(t, t)
+            row = there.capsules[0]
+            true = np.array([0.3, 0.0, 0.4]) + (0.01 * k + t) * v
+            assert np.linalg.norm(true - row[:3]) + 0.05 <= row[6] + more, (k, t)
 
 
 def test_a_part_that_grows_alone_grows(rng):

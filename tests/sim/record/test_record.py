@@ -183,6 +183,30 @@ def test_people_may_come_and_go(execution, cell_map, tmp_path):
     assert_the_same_again(record, cell_map, tmp_path)
 
 
+class _Floats:
+    """Somebody whose numbers are all numpy's, of 32 bits."""
+
+    name, max_speed = "floats", np.float32(1.5)
+
+    def capsules(self, t):
+        return np.array([[0.55, 0.1, 0.5, 0.9, 0.1, 0.6, 0.05]], np.float32)
+
+
+def test_numbers_of_numpys_are_recorded(cell_map, tmp_path):
+    """They ended a recording when it was written: the whole run was lost."""
+    settings = {
+        "rate_hz": np.float32(100.0),
+        "duration_s": np.float32(0.5),
+        "seed": np.int64(3),
+        "yields": np.bool_(True),
+    }
+    loop = new_loop(cell_map, _Floats(), **settings)
+    assert type(loop.settings.seed) is int and type(loop.settings.yields) is bool
+    record = assert_the_same_again(recorded(loop, cell_map), cell_map, tmp_path)
+    assert record.head["settings"]["seed"] == 3
+    assert record.head["motion"]["max_speed"] == 1.5
+
+
 def test_the_first_frame_that_differs_is_named_and_what(cell_map, sweep):
     q, status = sweep.arrays["q"].copy(), sweep.arrays["status"].copy()
     q[123, 1] += 1e-15
