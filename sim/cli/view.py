@@ -127,7 +127,7 @@ def recorded_show(request: ViewRequest) -> "Show":
         "a recording holds no planned paths: the line is where the robot went",
         *lacking,
     ]
-    label = f"{request.file.name}: {source.robot.name}, {head['name']}"
+    label = f"{request.file.name}: {source.robot.name}, map {head['name']}"
     load = None if cell_map is None else (lambda: cell_map)
     return Show(
         source,

@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.terminal.output import write_whole
 
-INK, FAINT, LINE, PALE = "#2c343e", "#8c96a0", "#d9dfe5", "#eef1f4"
+INK, FAINT, LINE, PALE = "#2c343e", "#616c77", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
 PURPLE, WOOD = "#7050b0", "#d8cdbd"
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"

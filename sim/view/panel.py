@@ -86,7 +86,7 @@ class Panel:
             zip(names, (playback.play, playback.pause, playback.follow), strict=True)
         )
         buttons.on_click(lambda event: self._do(actions[event.target.value]))
-        steps = gui.add_button_group("Event", ["Last", "Next"], visible=runs)
+        steps = gui.add_button_group("Event", ["Previous", "Next"], visible=runs)
         steps.on_click(lambda event: self._step(event.target.value))
         speed = gui.add_dropdown(
             "Speed",
@@ -125,10 +125,18 @@ class Panel:
         self._boxes = {}
         with self.gui.add_folder("Layers", expand_by_default=False):
             for layer, (name, _) in LAYERS.items():
-                has = self.stage.cell_map is not None or layer not in _MAP_LAYERS
+                has = self._has(layer)
                 box = self.gui.add_checkbox(name, self.stage.shown[layer], visible=has)
                 box.on_update(self._toggle(layer))
                 self._boxes[layer] = box
+
+    def _has(self, layer: str) -> bool:
+        """Return whether there is anything in a layer, now or later in the run."""
+        if layer in _MAP_LAYERS:
+            return self.stage.cell_map is not None
+        if layer == "still":
+            return self.stage.stands
+        return layer not in self.source.lacks
 
     def _toggle(self, layer: str) -> Callable:
         def update(event: viser.GuiEvent) -> None:
@@ -166,7 +174,7 @@ class Panel:
         targets = moment.targets
         rated = targets is not None and bool(np.isfinite(targets[:, 3]).any())
         cell_map, blocked = self.stage.cell_map, self.stage.n_blocked
-        told = cards.legend(cell_map is not None, rated, self._runs)
+        told = cards.legend(cell_map is not None, rated, self._runs, self.source.lacks)
         self._tell("legend", self._legend, told)
         if cell_map is not None and not self._runs:
             roadmap = cell_map.roadmap

@@ -149,7 +149,7 @@ def test_dragging_the_slider_scrubs_a_recording(view_file, tab, tmp_path):
 class Live:
     """What a loop does, as a page is shown it."""
 
-    live, knows_latency, events = True, False, ()
+    live, knows_latency, events, lacks = True, False, (), frozenset()
 
     def __init__(self, loop):
         self.loop, self.robot = loop, loop.robot
