@@ -16,6 +16,11 @@ NEAR = 0.10  # a separation below this is drawn as near [m]
 _FONT = "font-family:inherit"
 _MOST_TEXT = 400
 
+ENDED = (
+    f'<div role="status" style="{_FONT};padding:10px 14px 0 14px;font-size:13px;'
+    f'color:{RED}">It has ended: what is seen is the last moment.</div>'
+)
+
 
 def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
     """Return state, reason, time and separation of a moment in words."""

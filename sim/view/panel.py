@@ -47,6 +47,7 @@ class Panel:
         self._words_at = self._strips_at = -np.inf
         self._shown: dict[str, object] = {}
         runs = source.live or source.span()[1] > source.span()[0]
+        self._over = gui.add_html(cards.ENDED, visible=False)
         self._status = gui.add_html("")
         self._runs, self._map = runs, gui.add_html("", visible=not runs)
         self._line = gui.add_html("", visible=runs)
@@ -62,6 +63,10 @@ class Panel:
     def _do(self, command: Callable[[], None]) -> None:
         self._commands.append(command)
 
+    def tell_end(self) -> None:
+        """Say that nothing more will be shown; who still looks sees the last moment."""
+        self._over.visible = True
+
     def obey(self) -> None:
         """Carry out what clients asked for."""
         while self._commands:
@@ -71,7 +76,13 @@ class Panel:
     def _add_controls(self, runs: bool) -> None:
         gui, playback = self.gui, self.playback
         self._slider = gui.add_slider(
-            "Time [s]", 0.0, 1.0, 0.01, 0.0, visible=runs, hint="Drag to scrub"
+            "Time [s]",
+            0.0,
+            1.0,
+            0.01,
+            0.0,
+            visible=runs,
+            hint="Drag to scrub; pause it to type a time",
         )
 
         @self._slider.on_update
