@@ -28,7 +28,7 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
         6.4,
         f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
         "where the right grip can be, in the plane of the shoulder and "
-        f"{100 * _BEFORE:.0f} cm before it",
+        f"{100 * _BEFORE:.0f} cm in front of it",
     )
     ratios = {"width_ratios": (1.15, 1.0, 0.95)}
     side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)
