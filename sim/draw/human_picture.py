@@ -14,7 +14,7 @@ from sim.draw.silhouette import Silhouette
 from sim.people.grips import grip_points
 from sim.people.mocap.mocap_motion import MocapMotion
 
-_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: style.FAINT}
+_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: style.GREY}
 BIN = 0.025  # side of a square of the cut [m]
 _SLAB = 0.03  # [m] half the thickness of a cut
 WORK_PLACE = ((0.3, 0.7), (-0.4, 0.4), (0.1, 0.7))  # x, y, z before an arm [m]

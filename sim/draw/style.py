@@ -8,7 +8,7 @@ from sim.terminal.output import write_whole
 
 INK, FAINT, LINE, PALE = "#2c343e", "#616c77", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
-PURPLE, WOOD = "#7050b0", "#d8cdbd"
+PURPLE, WOOD, GREY = "#7050b0", "#d8cdbd", "#8c96a0"  # grey: of solids, not of words
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
 BODY, BODY_EDGE = "#dfe4e9", "#7c8894"
 # of a person and what is carried or stands around, each 0 to 1; see `person_colours`

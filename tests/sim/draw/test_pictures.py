@@ -123,6 +123,18 @@ def test_a_run_without_a_person_can_be_plotted(straight, crane, places, tmp_path
     assert write_latency_plot(alone, tmp_path / "alone.png").stat().st_size > 1000
 
 
+def test_quiet_words_can_be_read_on_what_is_below_them():
+    def light(colour):
+        part = np.array(style.rgb(colour)) / 255
+        linear = np.where(
+            part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4
+        )
+        return linear @ [0.2126, 0.7152, 0.0722] + 0.05
+
+    for below in ("#ffffff", style.PALE):  # 4.5: WCAG 2.1, level AA
+        assert light(below) / light(style.FAINT) > 4.5
+
+
 @pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (3.0, 2.0, 1.0), (1.0, 1.0, 4.0)])
 def test_the_floor_of_a_scene_is_inside_its_picture(size):
     parts = [(triangles_of(Box(size)), "#000000")]
