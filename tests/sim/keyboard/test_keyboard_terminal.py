@@ -151,7 +151,7 @@ def test_the_screen_refreshes_in_place_and_survives_every_size():
 
 def test_a_pause_stops_the_simulation_and_goes_on_with_it():
     with fake() as user:
-        user.see("missed")
+        user.see("late  ")
         user.type(b"p")
         user.see("● paused")
         user.look(0.3)
