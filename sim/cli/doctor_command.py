@@ -170,4 +170,5 @@ def _show(facts: dict) -> None:
             table.add_row("", "", Text(f"-> {row['remedy']}"))
     console = Console(highlight=False)
     console.print(Fitted(table))
-    console.print("sound" if facts["sound"] else "something is wrong; see the arrows")
+    well = "nothing that is needed is missing or wrong"
+    console.print(well if facts["sound"] else "something is wrong; see the arrows")

@@ -106,7 +106,8 @@ def _show_arm(facts: dict) -> None:
     rows = []
     for row in facts["planes"]:
         best = [row[name] for name in ("dexterity", "effort", "combined")]
-        at, area = f"{row['plane']} = {row['at_m']:.2f} m", f"{row['area_m2']:.2f} m2"
+        at = f"{row['plane']} = {row['at_m']:.2f} m"
+        area = f"{row['area_m2']:.2f} m\N{SUPERSCRIPT TWO}"
         told = (f"{b['best']:.2f} at {place_text(b['place_m'])}" for b in best)
         rows.append((at, area, *told))
     console = Console(highlight=False)

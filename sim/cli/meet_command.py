@@ -271,5 +271,6 @@ def _counted(row: dict) -> str:
             f"robot reaches are targets, at {row['positions']} positions"
         )
     if row["missing_m"]:
-        return f"{far}: nothing is shared; {100 * row['missing_m']:.0f} cm are missing"
-    return f"{far}: nothing is shared, though lengths do not stand in the way"
+        missing = f"{100 * row['missing_m']:.0f} cm"
+        return f"{far}: nothing is shared; the person is {missing} too far away"
+    return f"{far}: nothing is shared, although the person is near enough"

@@ -18,6 +18,10 @@ _FROM = Limits(0.0, 86_400.0, "s")
 # what is often given in place of a recording, and which command shows it
 _OTHERS = {
     ".json": ("a hand-over plan", "`odm replay {file}` tells and draws it"),
+    **dict.fromkeys(
+        (".png", ".gif"),
+        ("a picture", "give the recording, which `odm run --record` writes"),
+    ),
     ".scene": (
         "a scene of MoveIt",
         "`odm run --map MAP --scene {file} --view` shows a run in it",
@@ -35,7 +39,9 @@ class ViewRequest:
     """What `odm view` is asked for."""
 
     file: Path | None = argument(
-        None, "A recording of `odm run --record`.", metavar="FILE"
+        None,
+        "A recording of `odm run --record` or `odm demo --record`.",
+        metavar="FILE",
     )
     map_dir: Path | None = optional(
         "A map's folder: alone, or for the cells and edges of a recording.  "
@@ -127,7 +133,7 @@ def recorded_show(request: ViewRequest) -> "Show":
         "a recording holds no planned paths: the line is where the robot went",
         *lacking,
     ]
-    label = f"{request.file.name}: {source.robot.name}, {head['name']}"
+    label = f"{request.file.name}: {source.robot.name}, map {head['name']}"
     load = None if cell_map is None else (lambda: cell_map)
     return Show(
         source,

@@ -70,7 +70,7 @@ def _draw_palms(
     from matplotlib.cm import ScalarMappable
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    _draw_solid(axis, triangles, style.FAINT, 0.25)
+    _draw_solid(axis, triangles, style.GREY, 0.25)
     T = grasps.T_object_palm
     lines = np.stack([T[:, :3, 3] - _ARROW * T[:, :3, 2], T[:, :3, 3]], axis=1)
     top = float(grasps.quality.max())
@@ -87,7 +87,7 @@ def _draw_grasp(
     axis: object, grasps: GraspSet, row: int, triangles: np.ndarray
 ) -> None:
     hand = hand_triangles(grasps, row)
-    _draw_solid(axis, triangles, style.FAINT, 0.5)
+    _draw_solid(axis, triangles, style.GREY, 0.5)
     _draw_solid(axis, hand, style.TEAL, 0.35)
     span = slice(*grasps.contact_ptr[row : row + 2])
     axis.scatter(

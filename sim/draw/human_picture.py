@@ -14,7 +14,7 @@ from sim.draw.silhouette import Silhouette
 from sim.people.grips import grip_points
 from sim.people.mocap.mocap_motion import MocapMotion
 
-_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: style.FAINT}
+_COLOURS = {Part.TORSO: "#b9c0c8", Part.HEAD: style.GREY}
 BIN = 0.025  # side of a square of the cut [m]
 _SLAB = 0.03  # [m] half the thickness of a cut
 WORK_PLACE = ((0.3, 0.7), (-0.4, 0.4), (0.1, 0.7))  # x, y, z before an arm [m]
@@ -28,7 +28,7 @@ def write_human_picture(human: Human, path: str | Path) -> Path:
         6.4,
         f"{human.posture}, {human.height:.2f} m, {human.thickness} thickness; shaded: "
         "where the right grip can be, in the plane of the shoulder and "
-        f"{100 * _BEFORE:.0f} cm before it",
+        f"{100 * _BEFORE:.0f} cm in front of it",
     )
     ratios = {"width_ratios": (1.15, 1.0, 0.95)}
     side, front, ranges = figure.subplots(1, 3, gridspec_kw=ratios)

@@ -27,7 +27,10 @@ def plot_map(cell_map: CellMap, path: str | Path) -> Path:
     counts = counts[tuple(np.s_[cells[0] : cells[-1] + 1] for cells in swept)]
     nx, ny, nz = counts.shape
     widest = max(nx, ny, nz)
-    figure = style.new_figure(13, 4.6)
+    name, nodes = cell_map.recipe.name, cell_map.roadmap.n_nodes
+    title = f"map {name} of {robot.name}: how many of its {nodes:,} nodes "
+    title += "an obstacle there blocks"
+    figure = style.new_figure(13, 4.8, title)
     widths = [nx, nx, max(ny, widest / 4), widest / 25]
     axes = figure.subplots(1, 4, gridspec_kw={"width_ratios": widths})
     norm = LogNorm(1, max(2, int(counts.max())))
@@ -42,7 +45,7 @@ def plot_map(cell_map: CellMap, path: str | Path) -> Path:
         style.space_axes(axis, normal)
         axis.locator_params(nbins=5)
         style.set_title(axis, view)
-    label = "nodes a cell takes away, the most along the line of sight"
+    label = "nodes that a cell blocks, the most along the line of sight"
     style.colour_bar(figure, shown, label, cax=axes[3])
     return style.save(figure, path, dpi=110)
 

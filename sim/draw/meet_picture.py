@@ -154,7 +154,10 @@ class _Scene:
 
     def _say_missing(self, axis: object) -> None:
         missing = 100 * self.meeting.meet.missing_m
-        text = f"nothing is shared\n{missing:.0f} cm are missing"
+        why = "although the person is near enough"
+        if missing > 0.0:
+            why = f"the person is {missing:.0f} cm too far away"
+        text = f"nothing is shared:\n{why}"
         axis.text(
             0.5,
             0.97,

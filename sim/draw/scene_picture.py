@@ -15,7 +15,7 @@ _GIVER, _RECEIVER, _FURNITURE = TEAL, BLUE, WOOD
 _START, _GOAL, _HANDOVER = AMBER, RED, "#7b4fa3"
 _VIEWS = ((22.0, -62.0), (4.0, -90.0), (89.0, -90.0))  # elevation, azimuth [deg]
 _FILLS = 1.5  # zoom at which the longest side fills a view
-_NAMES = ("", "from the side", "from above")
+_NAMES = ("from the right and above", "from the side", "from above")
 
 
 def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> Path:
@@ -24,8 +24,8 @@ def draw_scene(scene: Scene, path: str | Path, plan: Mapping | None = None) -> P
     With the record of a plan of it, see `handover.scenes.plan_file`, both agents are
     drawn as they hand over, and the object where it changes hands.
     """
-    title = f"{scene.name}, seed {scene.seed}: {scene.obj.name} amber at its start, "
-    title += "red at its goal"
+    title = f"{scene.name}, seed {scene.seed}: giver green, receiver blue; "
+    title += f"{scene.obj.name} amber at its start, red at its goal"
     joints = ({}, {})
     poses = [(scene.T_world_start, _START), (scene.T_world_goal, _GOAL)]
     if plan is not None and (t := change_time(plan)) is not None:

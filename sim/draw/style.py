@@ -6,9 +6,9 @@ import numpy as np
 
 from sim.terminal.output import write_whole
 
-INK, FAINT, LINE, PALE = "#2c343e", "#8c96a0", "#d9dfe5", "#eef1f4"
+INK, FAINT, LINE, PALE = "#2c343e", "#616c77", "#d9dfe5", "#eef1f4"
 TEAL, AMBER, RED, BLUE, SLATE = "#00857c", "#c97b12", "#c43e3e", "#4a7fb5", "#5b6b7a"
-PURPLE, WOOD = "#7050b0", "#d8cdbd"
+PURPLE, WOOD, GREY = "#7050b0", "#d8cdbd", "#8c96a0"  # grey: of solids, not of words
 ROBOT, ROBOT_EDGE = "#bfe0dc", "#00675f"
 BODY, BODY_EDGE = "#dfe4e9", "#7c8894"
 # of a person and what is carried or stands around, each 0 to 1; see `person_colours`
@@ -20,12 +20,13 @@ QUALITY = "viridis"  # colours from bad to good, equal steps to the eye
 # `handover.human.body` come hand, forearm, upper arm, then trunk, shoulders and head,
 # then legs; those of `sim.people.arm` upper arm, then forearm with hand
 _ARM, _WHOLE = "bbc", "bbcbbcccb"
+_STANDING = f"{_WHOLE}cccccc"
 _CLOTHES = {
     len(parts): parts
     for parts in (
         *("cb", "cbcb"),  # an arm, two arms
         *(_ARM, f"{_ARM}cb", f"{_ARM}ccb"),  # one is tracked, without or with a trunk
-        *(_WHOLE, f"{_WHOLE}cccccc", 2 * f"{_WHOLE}cccccc"),
+        _WHOLE,
     )
 }
 
@@ -43,12 +44,13 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def person_colours(n: int) -> np.ndarray:
-    """Return the colours of a person's n capsules, (n, 3) from 0 to 1.
+    """Return the colours of n capsules of a person or several, (n, 3) from 0 to 1.
 
     Hands, forearms and head are skin, all else is clothed, as capsules are that come in
     another number than those of a person whom we know.
     """
-    parts = _CLOTHES.get(n, n * "c")
+    people, rest = divmod(n, len(_STANDING))
+    parts = people * _STANDING if rest == 0 else _CLOTHES.get(n, n * "c")
     return np.array([SKIN if part == "b" else SLEEVE for part in parts]).reshape(-1, 3)
 
 

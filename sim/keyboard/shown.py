@@ -116,7 +116,7 @@ def plain_line(view: View) -> str:
         f"latency {view.latency}",
         f"blocked {view.blocked_percent}",
         f"trips {view.stats.trips}",
-        f"missed {view.late}",
+        f"late frames {view.late}",
     ]
     reason = [] if view.stats.held is None else [view.reason]
     return "; ".join(parts + reason)

@@ -161,8 +161,9 @@ def _check_surface(i: int, rows: np.ndarray, spacing: float) -> None:
         area = float((2 * np.pi * radius * (length + 2 * radius)).sum())
     if np.isfinite(rows).all() and not area <= MOST_POINTS * spacing**2:
         raise BadRecording(
-            f"the capsules of frame {i} have a surface of {area:.3g} m2, which takes "
-            f"more than {MOST_POINTS} points; give metres, or fewer capsules"
+            f"the capsules of frame {i} have a surface of {area:.3g} "
+            f"m\N{SUPERSCRIPT TWO}, which takes more than {MOST_POINTS} points; "
+            "give metres, or fewer capsules"
         )
 
 

@@ -28,14 +28,16 @@ def write_latency_plot(result: RunResult, path: str | Path) -> Path:
 
 def _draw_latency(axis: object, result: RunResult, latency_us, shown: dict) -> None:
     time, worst = _columns(latency_us, result.rate_hz)
-    axis.plot(time, worst, color=style.TEAL, lw=0.7)
+    axis.plot(time, worst, _dot(time), color=style.TEAL, lw=0.7, ms=5, clip_on=False)
     axis.fill_between(time, worst, 0.5, color=style.TEAL, alpha=0.10, lw=0)
     for name, dash in (("p50", "-"), ("p99", "--")):
         axis.axhline(shown[name], color=style.SLATE, lw=0.9, ls=dash)
     axis.set(yscale="log", ylabel="latency [\N{MICRO SIGN}s]")
     axis.set(xlim=(0, result.duration_s), ylim=_log_limits(latency_us))
     _plain_numbers(axis.yaxis)
-    style.set_title(axis, "points in, path out: every frame")
+    style.set_title(
+        axis, "latency of every frame, from what is seen to the path; holds shaded"
+    )
     _shade_holds(axis, result)
 
 
@@ -51,7 +53,7 @@ def _draw_distribution(axis: object, latency_us: np.ndarray, shown: dict) -> Non
         axis.text(*place, text, color=style.INK, size=9, transform=across, va=side)
     axis.set(yscale="log", ylim=(low, high), xlabel="frames")
     _plain_numbers(axis.yaxis)
-    style.set_title(axis, f"max {_duration(shown['max'])}")
+    style.set_title(axis, f"by latency; most {_duration(shown['max'])}")
 
 
 def _draw_separation(axis: object, result: RunResult) -> None:
@@ -69,7 +71,7 @@ def _draw_separation(axis: object, result: RunResult) -> None:
 
 def _mark_closest(axis: object, time: float, cm: float) -> None:
     """Mark the least distance; it is told below, where no line can be."""
-    axis.plot([time], [cm], "o", color=style.AMBER, ms=5)
+    axis.plot([time], [cm], "o", color=style.AMBER, ms=5, clip_on=False)
     low, high = axis.get_ylim()
     axis.set_ylim(min(low, cm - 0.16 * (high - min(low, cm))), high)
     begin, end = axis.get_xlim()
@@ -106,6 +108,11 @@ def _shade_holds(axis: object, result: RunResult) -> None:
         axis.axvspan(
             hold.start_s, hold.end_s, color=style.RED, alpha=0.10, lw=0, zorder=0
         )
+
+
+def _dot(time: np.ndarray) -> str:
+    """Return how a curve is drawn: as a dot where it has a single moment."""
+    return "o" if len(time) == 1 else "-"
 
 
 def _columns(values: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

@@ -75,7 +75,8 @@ def latency_table(result: RunResult) -> Fitted:
         shown = percentiles(1e6 * seconds)
         cells = [f"{shown[key]:,.1f}" for key in ("p50", "p99", "max")]
         rows.append((name, *cells, str(int((seconds > period).sum()))))
-    title = f"Latency of {result.frames} frames, motion {result.motion}"
+    frames = f"{result.frames:,} frame{'s' if result.frames != 1 else ''}"
+    title = f"Latency of {frames}, motion {result.motion}"
     return table_of(title, (*heads, f"over {1000 * period:.0f} ms"), rows, **_PLAIN)
 
 
@@ -100,7 +101,7 @@ def _safety_column(result: RunResult, alone: RunResult | None) -> dict[str, str]
     held = result.summary()["held_s"] / result.duration_s
     minutes = result.duration_s / 60
     return {
-        "simulated": f"{result.duration_s:.0f} s",
+        "simulated": f"{result.duration_s:g} s",
         "contacts while moving": str(result.contacts),
         "  the person came to it standing": str(result.standing_contacts),
         "smallest separation": _cm(result, nearest),

@@ -28,6 +28,8 @@ class _Asleep:
 class ArmBeside(Source):
     """The robot at a node of its roadmap, and an arm: one moment that changes."""
 
+    lacks = frozenset({"points", "targets", "path", "before"})
+
     def __init__(self, cell_map: CellMap, motion: HumanMotion) -> None:
         robot, nodes = cell_map.robot, cell_map.roadmap.nodes
         middle = 0.5 * (robot.lower + robot.upper)

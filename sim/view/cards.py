@@ -11,9 +11,15 @@ from sim.view.moment import Event, Moment
 
 STRIP_S = 10.0  # what the strips show before the present moment [s]
 COLUMNS = 400  # of a time line, at most
+_STRIP = 600.0, 46.0  # width and height of a strip, in units of its picture
 NEAR = 0.10  # a separation below this is drawn as near [m]
 _FONT = "font-family:inherit"
 _MOST_TEXT = 400
+
+ENDED = (
+    f'<div role="status" style="{_FONT};padding:10px 14px 0 14px;font-size:13px;'
+    f'color:{RED}">It has ended: what is seen is the last moment.</div>'
+)
 
 
 def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
@@ -24,8 +30,8 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
     reason = moment.reason if state != m.NEW_PATH else ""
     why = f'<div style="color:{INK};margin-top:4px">{_clip(reason)}</div>'
     gap = moment.separation
-    at = f"{moment.time_s:.2f} / {length_s:.1f} s" if length_s > 0 else ""
-    told = "\N{EN DASH}" if not np.isfinite(gap) else f"{max(gap, 0.0) * 100:.1f} cm"
+    at = f"{moment.time_s:.2f} / {length_s:.2f} s" if length_s > 0 else ""
+    told = _in_cm(gap) if np.isfinite(gap) else "\N{EN DASH}"
     gap_colour = INK if not gap < NEAR else (RED if gap <= 0 else AMBER)
     return (
         f'<div style="{_FONT};padding:10px 14px 4px 14px;font-size:13px">'
@@ -40,6 +46,11 @@ def status_card(moment: Moment, events: list[Event], length_s: float) -> str:
         f'<b style="font-size:17px;color:{gap_colour};'
         f'font-variant-numeric:tabular-nums">{told}</b></div></div>'
     )
+
+
+def _in_cm(gap: float) -> str:
+    """Return a separation [m] in words; what touches is not below 0."""
+    return f"{max(gap, 0.0) * 100:.1f} cm"
 
 
 def shown_state(moment: Moment, events: list[Event]) -> int:
@@ -60,33 +71,34 @@ def strips(rows: np.ndarray, now: float, latency: bool = True) -> str:
     """
     recent = rows[(rows[:, m.TIME] > now - STRIP_S) & (rows[:, m.TIME] <= now + 1e-9)]
     gap = recent[np.isfinite(recent[:, m.GAP])]
-    nearest = (
-        f"{100 * gap[:, m.GAP].min():.1f} cm at the least" if len(gap) else "nobody"
-    )
+    nearest = f"{_in_cm(gap[:, m.GAP].min())} at the least" if len(gap) else "nobody"
     top = max(0.3, float(gap[:, m.GAP].max(initial=0.0)))
-    picture = _strip(gap[:, m.TIME], gap[:, m.GAP], now, top, TEAL, NEAR)
-    told = [_titled("Separation", nearest, picture, f"{100 * top:.0f} cm")]
+    body = _strip(gap[:, m.TIME], gap[:, m.GAP], now, top, TEAL, NEAR)
+    scale = f"0 to {100 * top:.0f} cm, dashed: {100 * NEAR:.0f} cm"
+    told = [_titled("Separation", nearest, body, scale)]
     if latency and len(recent):
         took = 1e3 * recent[:, m.LATENCY]
         p50, p99 = np.percentile(took, [50, 99])
         most = float(took.max())
         top = max(1.0, 1.1 * most)
-        picture = _strip(recent[:, m.TIME], took, now, top, BLUE)
+        body = _strip(recent[:, m.TIME], took, now, top, BLUE)
         # of one line, however long a frame took
         told_ms = [f"{t:.2f}" if t < 10.0 else f"{t:.0f}" for t in (p50, p99, most)]
         words = "p50 {}, p99 {}, most {} ms".format(*told_ms)
-        told.append(_titled("Latency of a frame", words, picture, f"{top:.1f} ms"))
+        told.append(_titled("Latency of a frame", words, body, f"0 to {top:.1f} ms"))
     return f'<div style="{_FONT};padding:2px 14px">{"".join(told)}</div>'
 
 
-def _titled(name: str, words: str, picture: str, top: str) -> str:
+def _titled(name: str, words: str, body: str, scale: str) -> str:
+    """Return a strip between its title, its figures and the scale of its axes."""
+    picture = _svg(*_STRIP, body, f"{name}, last {STRIP_S:.0f} s: {words}")
     return (
         f'<div style="display:flex;font-size:12px;color:{FAINT};margin-top:6px">'
         f'<span style="color:{INK}">{name}</span>'
         f'<span style="margin-left:auto;font-variant-numeric:tabular-nums">{words}'
         f"</span></div>"
-        f'<div style="position:relative">{picture}<span style="position:absolute;'
-        f'left:3px;top:1px;font-size:10px;color:{FAINT}">{top}</span></div>'
+        f'{picture}<div style="font-size:11px;color:{FAINT}">'
+        f"last {STRIP_S:.0f} s, {scale}</div>"
     )
 
 
@@ -99,7 +111,7 @@ def _strip(
     line: float | None = None,
 ) -> str:
     """Return a filled curve over the last seconds, the newest at the right."""
-    width, height = 600.0, 46.0
+    width, height = _STRIP
     body = f'<rect width="{width}" height="{height}" fill="{PALE}"/>'
     if len(times) > 1:
         step = -(-len(times) // COLUMNS)  # the extreme of each column stays
@@ -123,7 +135,7 @@ def _strip(
             'stroke-width="1" stroke-dasharray="4 4" '
             'vector-effect="non-scaling-stroke"/>'
         )
-    return _svg(width, height, body)
+    return body
 
 
 def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) -> str:
@@ -151,10 +163,12 @@ def time_line(rows: np.ndarray, events: list[Event], span: tuple, now: float) ->
         body += f'<rect x="{x - 1:.1f}" y="4" width="2.4" height="8" fill="{colour}"/>'
     x = at(now)
     body += f'<rect x="{x - 1.5:.1f}" y="0" width="3" height="{height}" fill="{INK}"/>'
+    told = f"States of the robot, {span[0]:.2f} to {span[1]:.2f} s, now {now:.2f} s"
+    picture = _svg(width, height, body, told)
     latest = [e for e in events if e.time_s <= now + 1e-9][-4:]
     lines = "".join(_event_line(e) for e in reversed(latest))
     return (
-        f'<div style="{_FONT};padding:4px 14px">{_svg(width, height, body)}'
+        f'<div style="{_FONT};padding:4px 14px">{picture}'
         f'<div style="font-size:12px;min-height:72px">{lines}</div></div>'
     )
 
@@ -202,13 +216,22 @@ def roadmap_line(nodes: int, edges: int, blocked: int | None) -> str:
     )
 
 
-def legend(has_map: bool, has_quality: bool, runs: bool = True) -> str:
-    """Return what each colour means; of a map alone, in which nothing runs, less."""
+def legend(
+    has_map: bool,
+    has_quality: bool,
+    runs: bool = True,
+    lacks: frozenset[str] = frozenset(),
+) -> str:
+    """Return what each colour means; of a map alone, in which nothing runs, less.
+
+    `lacks` are the layers that are never there, see `Source`.
+    """
     rows = [("box", theme.SLEEVE, "person: clothes")]
     rows.append(("box", theme.SKIN, "person: skin"))
     if runs:
         rows.append(("line", theme.PATH, "path of the tool"))
-        rows.append(("line", theme.BEFORE, "the path before it"))
+        if "before" not in lacks:
+            rows.append(("line", theme.BEFORE, "the path before it"))
         rows.append(("box", theme.LOAD, "what is carried"))
     if has_map:
         rows.append(("line", theme.FREE_EDGE, "edge that is free"))
@@ -220,11 +243,8 @@ def legend(has_map: bool, has_quality: bool, runs: bool = True) -> str:
     states = "".join(
         _swatch("box", theme.STATE_COLOURS[s], m.WORDS[s])
         for s in (
-            m.STILL,
-            m.ON_THE_WAY,
-            m.NEW_PATH,
-            *range(3, m.HOLDING + 1),
-            m.CONTACT,
+            *(m.STILL, m.ON_THE_WAY, m.SLOW, m.NEW_PATH),  # long words in one column
+            *(m.BRAKING, m.AWAY, m.HOLDING, m.CONTACT),
         )
     )
     bar = ""
@@ -275,9 +295,11 @@ def _clip(text: str) -> str:
     return escape(cut.rstrip("."))
 
 
-def _svg(width: float, height: float, body: str) -> str:
+def _svg(width: float, height: float, body: str, told: str) -> str:
+    """Return a picture as wide as the panel; `told` is it in words, read aloud."""
     return (
-        f'<svg viewBox="0 0 {width:g} {height:g}" preserveAspectRatio="none" '
+        f'<svg role="img" aria-label="{escape(told)}" '
+        f'viewBox="0 0 {width:g} {height:g}" preserveAspectRatio="none" '
         f'style="width:100%;height:{height:g}px;display:block;border-radius:3px">'
         f"{body}</svg>"
     )

@@ -26,6 +26,7 @@ from sim.view.stage import Stage
 
 RATE_HZ = 30.0  # pictures a second
 _IDLE_S = 0.05  # from look to look while nobody watches
+_LAST_S = 0.3  # so long the last words may take to the clients [s]
 _WHOLE = 8  # so many capsules are a whole person
 _SAME_PLACE = 1e-3  # a camera this near to a place is at it [m]
 _FAR = 3.0  # a hand is not dragged farther from the base [m]
@@ -140,9 +141,19 @@ class Page:
                 took = time.perf_counter() - now
                 self._stop.wait(max(1.0 / RATE_HZ - took, 0.001))
         finally:
+            self._tell_end()
             self.gate.close()
             with suppress(RuntimeError):
                 self.server.stop()
+
+    def _tell_end(self) -> None:
+        """Say so on the pages that are open, which cannot be told later."""
+        if not self.server.get_clients():
+            return
+        with suppress(RuntimeError):
+            self.panel.tell_end()
+            self.server.flush()
+        time.sleep(_LAST_S)
 
     def turn(self, clock: float, passed: float) -> None:
         """Draw one picture, `passed` seconds after the last one."""

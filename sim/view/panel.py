@@ -47,6 +47,7 @@ class Panel:
         self._words_at = self._strips_at = -np.inf
         self._shown: dict[str, object] = {}
         runs = source.live or source.span()[1] > source.span()[0]
+        self._over = gui.add_html(cards.ENDED, visible=False)
         self._status = gui.add_html("")
         self._runs, self._map = runs, gui.add_html("", visible=not runs)
         self._line = gui.add_html("", visible=runs)
@@ -62,6 +63,10 @@ class Panel:
     def _do(self, command: Callable[[], None]) -> None:
         self._commands.append(command)
 
+    def tell_end(self) -> None:
+        """Say that nothing more will be shown; who still looks sees the last moment."""
+        self._over.visible = True
+
     def obey(self) -> None:
         """Carry out what clients asked for."""
         while self._commands:
@@ -71,7 +76,13 @@ class Panel:
     def _add_controls(self, runs: bool) -> None:
         gui, playback = self.gui, self.playback
         self._slider = gui.add_slider(
-            "Time [s]", 0.0, 1.0, 0.01, 0.0, visible=runs, hint="Drag to scrub"
+            "Time [s]",
+            0.0,
+            1.0,
+            0.01,
+            0.0,
+            visible=runs,
+            hint="Drag to scrub; pause it to type a time",
         )
 
         @self._slider.on_update
@@ -86,7 +97,7 @@ class Panel:
             zip(names, (playback.play, playback.pause, playback.follow), strict=True)
         )
         buttons.on_click(lambda event: self._do(actions[event.target.value]))
-        steps = gui.add_button_group("Event", ["Last", "Next"], visible=runs)
+        steps = gui.add_button_group("Event", ["Previous", "Next"], visible=runs)
         steps.on_click(lambda event: self._step(event.target.value))
         speed = gui.add_dropdown(
             "Speed",
@@ -125,10 +136,18 @@ class Panel:
         self._boxes = {}
         with self.gui.add_folder("Layers", expand_by_default=False):
             for layer, (name, _) in LAYERS.items():
-                has = self.stage.cell_map is not None or layer not in _MAP_LAYERS
+                has = self._has(layer)
                 box = self.gui.add_checkbox(name, self.stage.shown[layer], visible=has)
                 box.on_update(self._toggle(layer))
                 self._boxes[layer] = box
+
+    def _has(self, layer: str) -> bool:
+        """Return whether there is anything in a layer, now or later in the run."""
+        if layer in _MAP_LAYERS:
+            return self.stage.cell_map is not None
+        if layer == "still":
+            return self.stage.stands
+        return layer not in self.source.lacks
 
     def _toggle(self, layer: str) -> Callable:
         def update(event: viser.GuiEvent) -> None:
@@ -166,7 +185,7 @@ class Panel:
         targets = moment.targets
         rated = targets is not None and bool(np.isfinite(targets[:, 3]).any())
         cell_map, blocked = self.stage.cell_map, self.stage.n_blocked
-        told = cards.legend(cell_map is not None, rated, self._runs)
+        told = cards.legend(cell_map is not None, rated, self._runs, self.source.lacks)
         self._tell("legend", self._legend, told)
         if cell_map is not None and not self._runs:
             roadmap = cell_map.roadmap

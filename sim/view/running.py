@@ -70,8 +70,8 @@ class Watched(LivePage):
         self._loop = loop
         self._live = getattr(loop, "live", None)  # of runs to hand-over targets
         drag = self._live is None and loop.motion is not None
-        name = "nobody" if loop.motion is None else loop.motion.name
-        label = f"{loop.robot.name} beside {name}"
+        beside = "nobody" if loop.motion is None else f"motion {loop.motion.name}"
+        label = f"{loop.robot.name}, {beside}"
         shown = {"rate_hz": loop.settings.rate_hz, "label": label, "drag": drag}
         super().__init__(cell_map, loop.planner, where, **shown)
         if drag:

@@ -47,9 +47,11 @@ class Source(ABC):
         live: Whether more of them come.
         events: What happened, by time.
         knows_latency: Whether the rows tell how long frames took.
+        lacks: Layers of the page that its moments never have.
     """
 
     live = knows_latency = False
+    lacks: frozenset[str] = frozenset()
     events: list[Event] = []  # of one that never changes
 
     def poll(self) -> bool:
@@ -71,6 +73,8 @@ class Source(ABC):
 
 class Recorded(Source):
     """A recording, which needs nothing but its file."""
+
+    lacks = frozenset({"points", "before"})  # no file holds them
 
     def __init__(self, record: RunRecord) -> None:
         self.record, self.robot = record, robot_of(record)
@@ -94,18 +98,20 @@ class Recorded(Source):
         reasons = [(h["start_s"], h["end_s"], h["reason"]) for h in record.holds]
         reasons += [(s["start_s"], s["end_s"], s["reason"]) for s in record.slow]
         reasons.sort()
-        for begin, end, why in reasons:
-            if why in self._stands:
+        for begin, end, told in reasons:
+            if told in self._stands:
                 for i in range(_frame(record, begin), _frame(record, end)):
                     states[i] = STILL if states[i] == HOLDING else states[i]
-        begins = {round(r[0] * record.rate_hz): r[2] for r in reasons}
+        why = [""] * len(states)
+        for begin, end, told in reasons:
+            first, last = _frame(record, begin), _frame(record, end)
+            why[first:last] = [told] * (last - first)
         seen = Happenings()
         times = arrays["time_s"]
         new = STATUS.index("replanned")
         for i, state in enumerate(states):
             fresh = bool(i) and status[i] == new
-            why = begins.get(i, "")
-            seen.take(float(times[i]), state, int(place[i]), why, fresh)
+            seen.take(float(times[i]), state, int(place[i]), why[i], fresh)
         story = record.head["outcome"].get("story", [])
         self.events = sorted(
             [*seen.events, *(_told_by(event) for event in story)],

@@ -150,6 +150,11 @@ class Stage:
             visible=self.shown["still"],
         )
 
+    @property
+    def stands(self) -> bool:
+        """Whether anything stands around."""
+        return "still" in self._nodes
+
     def set_map(self, cell_map: CellMap, roadmap: RoadmapPicture) -> None:
         """Take a map, which brings cells and edges."""
         self.cell_map, self.roadmap = cell_map, roadmap

@@ -9,8 +9,14 @@ from sim.view import moment as m
 _STANDS = 0.1  # nobody's lowest part is thicker [m]
 _PUT_AWAY = -4.0  # nobody stands so far below the robot's base [m]
 WINDOW = (1440, 900)  # where a window is not known: width and height [px]
-PANEL = 350  # width of the panel at the right, with its margin [px]
+PANEL = 350  # width of the panel at the right, with its margin, of a plain screen [px]
 _NARROW = 576  # where a window is no wider, the panel is at its foot [px]
+# A browser tells its window in the pixels of its screen, not how many of them the page
+# takes for one (2 on a telephone, 1 to 2 elsewhere), and the panel grows with that. So
+# a window as tall and narrow as a telephone's is one, and a wide one may be no wider to
+# the page than this [px].
+_TELEPHONE = 1000, 0.65  # no wider [px], and no wider for its height
+_PLAIN = 1440
 FOV = np.radians(38.0)  # vertical opening of the camera [rad]
 STATE_COLOURS = {
     m.STILL: FAINT,
@@ -67,6 +73,18 @@ def lowest_of(capsules: np.ndarray) -> float:
     return float(np.min(low[low > _PUT_AWAY], initial=0.0))
 
 
+def panel_width(size: tuple[int, int]) -> float:
+    """Return how much of a window's width the panel takes at most; 0: it is below.
+
+    `size` and the answer are in pixels of the screen, see `_TELEPHONE`.
+    """
+    width, height = size
+    widest, share = _TELEPHONE
+    if width <= _NARROW or (width <= widest and width <= share * height):
+        return 0.0
+    return PANEL * max(1.0, width / _PLAIN)
+
+
 def eye_on(
     robot_points: np.ndarray,
     person_points: np.ndarray,
@@ -81,7 +99,7 @@ def eye_on(
     Args:
         robot_points: (n, 3) of the robot [m].
         person_points: (k, 3) of the person [m]; none: the robot alone.
-        size: Width and height of the window [px].
+        size: Width and height of the window, in pixels of the screen.
         side: 1: from the right of the line from robot to person; -1: from its left,
             where the right hand of somebody is who faces the robot.
     """
@@ -97,7 +115,7 @@ def eye_on(
     across = side * np.array([toward[1], -toward[0], 0.0])
     radius = 0.5 * float(np.linalg.norm(high - low)) + 0.1
     width, height = size
-    taken = PANEL if width > _NARROW else 0
+    taken = panel_width(size)
     fits = (width - taken) / max(height, 1)
     distance = 1.05 * radius / np.sin(FOV / 2) / min(1.0, max(fits, 0.3))
     back = 1.0 * across + 0.15 * toward + np.array([0.0, 0.0, 0.45])

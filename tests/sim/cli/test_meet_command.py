@@ -152,7 +152,7 @@ def test_a_person_out_of_reach_gives_an_empty_table_and_what_is_missing(
     row = json.loads(file.read_text())["workspaces"][0]
     assert code == 0 and row["targets"] == 0 and row["best"] == []
     assert 0.5 < row["missing_m"] < 2.5
-    assert f"{100 * row['missing_m']:.0f} cm are missing" in out and picture.exists()
+    assert f"{100 * row['missing_m']:.0f} cm too far away" in out and picture.exists()
     # standing nearer by that, lengths are no hindrance any more
     nearer = str(3.0 - row["missing_m"] - 0.25)
     code, out, _ = run(odm, reach_dir, "--distance", nearer, *COARSE, "--json", "-")

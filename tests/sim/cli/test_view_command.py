@@ -68,6 +68,9 @@ def test_a_plan_or_a_scene_is_told_which_command_shows_it(tmp_path):
     )
     assert "a.json is a JSON file, no recording" in refused("view", other)
     assert f"--scene {scene} --view` shows" in refused("view", scene)
+    film = tmp_path / "a.gif"
+    film.write_bytes(b"GIF89a")
+    assert "a.gif is a picture, no recording; give the" in refused("view", film)
 
 
 def test_files_and_maps_that_are_not_there_are_refused(tmp_path):

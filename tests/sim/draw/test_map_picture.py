@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sim.draw import style
 from sim.draw.map_picture import node_counts, plot_map
 
 pytest.importorskip("matplotlib")
@@ -37,8 +38,17 @@ def test_each_cell_counts_the_nodes_that_sweep_it_and_no_edges(tiny_map):
     np.testing.assert_array_equal(counts, expected)
 
 
-def test_the_coverage_plot_is_written(tiny_map, crane, tmp_path):
+def test_the_coverage_plot_is_written(tiny_map, crane, tmp_path, monkeypatch):
     tiny_map.robot, tiny_map.grid.origin, tiny_map.grid.h = crane, np.zeros(3), 0.1
+    tiny_map.recipe = SimpleNamespace(name="tiny")
+    titles, save = [], style.save
+
+    def kept(figure, *told, **more):
+        titles.append(figure.get_suptitle())
+        return save(figure, *told, **more)
+
+    monkeypatch.setattr(style, "save", kept)
     path = plot_map(tiny_map, tmp_path / "cover.png")
+    assert "map tiny of crane: how many of its 2 nodes" in titles[0]
     with Image.open(path) as image:
         assert image.size[0] > image.size[1]

@@ -108,9 +108,31 @@ def test_no_words_of_the_latency_plot_lie_on_others(run, tmp_path, monkeypatch):
         assert not any(box.overlaps(other) for other in boxes[:k])
 
 
+def test_a_run_of_one_frame_is_a_dot_in_its_plot(crane, places, straight, tmp_path):
+    one = run_loop(straight, crane, places, None, LoopSettings(duration_s=0.01))
+    assert one.frames == 1
+    path = write_latency_plot(one, tmp_path / "one.png")
+    with Image.open(path) as image:  # the curve's own colour, at the left of its axis
+        left = np.asarray(image.convert("RGB"))[:, : image.size[0] // 4].astype(int)
+    teal = np.abs(left - style.rgb(style.TEAL)).max(axis=-1) < 40
+    assert teal.sum() > 10
+
+
 def test_a_run_without_a_person_can_be_plotted(straight, crane, places, tmp_path):
     alone = run_loop(straight, crane, places, None, LoopSettings(duration_s=0.5))
     assert write_latency_plot(alone, tmp_path / "alone.png").stat().st_size > 1000
+
+
+def test_quiet_words_can_be_read_on_what_is_below_them():
+    def light(colour):
+        part = np.array(style.rgb(colour)) / 255
+        linear = np.where(
+            part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4
+        )
+        return linear @ [0.2126, 0.7152, 0.0722] + 0.05
+
+    for below in ("#ffffff", style.PALE):  # 4.5: WCAG 2.1, level AA
+        assert light(below) / light(style.FAINT) > 4.5
 
 
 @pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (3.0, 2.0, 1.0), (1.0, 1.0, 4.0)])

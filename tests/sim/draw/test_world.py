@@ -219,6 +219,8 @@ def test_hands_forearms_and_head_of_whoever_is_tracked_are_skin(present):
 
 def test_an_arm_has_a_sleeve_and_a_number_nobody_knows_one_colour():
     assert person_colours(2).tolist() == [list(SLEEVE), list(SKIN)]
+    one = person_colours(15)  # people who stand, however many
+    np.testing.assert_array_equal(person_colours(75), np.tile(one, (5, 1)))
     assert (person_colours(7) == SLEEVE).all() and person_colours(0).shape == (0, 3)
 
 

@@ -93,7 +93,7 @@ def test_the_help_names_every_key_also_on_a_small_screen():
 def test_a_terminal_without_pictures_gets_the_same_in_one_line():
     line = plain_line(view_of(stats_of(HELD), blocked=0.34, late=3))
     assert "\n" not in line and REASON in line
-    for words in ("holding", "smallest 12.3 cm", "p50 50 µs", "34 %", "missed 3"):
+    for words in ("holding", "smallest 12.3 cm", "p50 50 µs", "34 %", "late frames 3"):
         assert words in line
 
 

@@ -139,7 +139,7 @@ def test_the_screen_refreshes_in_place_and_survives_every_size():
         user.see(r"(?m)\A● holding.*\n.*\n\+-")
         user.resize(80, 24)
         user.see("shoulder x")
-        user.see("missed +0|behind the clock")
+        user.see("late +0|behind the clock")
         assert user.screen.scrolled == 0
         user.type(b"?")
         user.see("larger, smaller nudge")
@@ -151,7 +151,7 @@ def test_the_screen_refreshes_in_place_and_survives_every_size():
 
 def test_a_pause_stops_the_simulation_and_goes_on_with_it():
     with fake() as user:
-        user.see("missed")
+        user.see("late  ")
         user.type(b"p")
         user.see("● paused")
         user.look(0.3)

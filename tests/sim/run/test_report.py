@@ -57,6 +57,12 @@ def test_a_touch_counts_once_however_long_and_only_if_the_robot_moved_in_it():
     assert result.summary()["contact_frames"] == 2
 
 
+def test_a_run_of_one_frame_is_told_as_such():
+    text = text_of(result_of([0.1], [0.0]))
+    assert "Latency of 1 frame, motion sweep" in text
+    assert re.search(r"simulated +0\.01 s", text)
+
+
 def test_a_run_that_begins_with_the_robot_in_the_person_says_so():
     apart = text_of(result_of([0.1, -0.073], [0.0, 0.0]))
     inside = text_of(result_of([-0.073, 0.1], [0.0, 0.0]))

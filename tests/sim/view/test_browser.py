@@ -19,7 +19,7 @@ pytest.importorskip("viser")
 pytestmark = pytest.mark.skipif(found_browser() is None, reason="browser")
 
 SIZE = (900, 560)  # small: the processor draws
-OPENED = "robot to person"
+OPENED, ENDED = "robot to person", "It has ended"
 WAIT_S = 60.0
 
 
@@ -149,7 +149,7 @@ def test_dragging_the_slider_scrubs_a_recording(view_file, tab, tmp_path):
 class Live:
     """What a loop does, as a page is shown it."""
 
-    live, knows_latency, events = True, False, ()
+    live, knows_latency, events, lacks = True, False, (), frozenset()
 
     def __init__(self, loop):
         self.loop, self.robot = loop, loop.robot
@@ -214,6 +214,15 @@ def test_the_arrows_drag_the_hand_and_the_robot_answers(view_map, tab, tmp_path)
         # the same robot beside the person that nobody drags is elsewhere by now
         assert np.abs(trips[-1] - source.frame.q).max() > 0.01
         assert source.frame.separation > 0
+
+
+def test_a_page_says_that_it_has_ended(view_file, tab):
+    with Opened(show_of(Recorded(read_record(view_file)))) as opened:
+        tab.open(opened.address, OPENED)
+        assert ENDED not in tab.ask("document.body.innerText")
+        opened.page.stop()
+        until(lambda: ENDED in tab.ask("document.body.innerText"))
+        assert OPENED in tab.ask("document.body.innerText")  # and the moment stays
 
 
 def test_opened_wider_the_page_is_shown_to_who_knows_its_token(view_file, tab):

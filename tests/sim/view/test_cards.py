@@ -37,7 +37,7 @@ def test_every_state_has_its_words(status, pace, gap, word):
 def test_a_card_tells_state_reason_separation_and_time():
     moment = Moment(1.25, Q, state=HOLDING, reason="jib near.", separation=0.123)
     card = cards.status_card(moment, [], 9.0)
-    for told in ("Holding", "jib near", "12.3 cm", "1.25 / 9.0 s"):
+    for told in ("Holding", "jib near", "12.3 cm", "1.25 / 9.00 s"):
         assert told in card
     assert theme.STATE_COLOURS[HOLDING] in card
 
@@ -50,6 +50,12 @@ def test_a_map_alone_tells_its_size_and_no_states_of_a_run():
     for word in (WORDS[HOLDING], "path of the tool", "the goal"):
         assert word in run and word not in alone
     assert "edge that is blocked" in alone
+    recorded = cards.legend(True, False, lacks=frozenset({"before"}))
+    assert (
+        "before it" in run
+        and "before it" not in recorded
+        and "path of the tool" in recorded
+    )
 
 
 def test_a_new_path_is_told_for_a_while():
@@ -96,6 +102,10 @@ def test_strips_tell_percentiles_and_the_nearest_of_the_last_seconds():
     assert "p50 1.00" in shown and "most 7.00 ms" in shown
     assert "Latency" not in cards.strips(table, 19.99, latency=False)
     assert "nobody" in cards.strips(rows([0.0], np.inf), 0.0)
+    assert "last 10 s, 0 to 30 cm, dashed: 10 cm" in shown  # of both axes
+    assert 'aria-label="Separation, last 10 s: 3.4 cm at the least"' in shown
+    inside = cards.strips(rows([0.0], -0.05), 0.0)  # as the card above it tells it
+    assert "0.0 cm at the least" in inside and "-5" not in inside
     table[-1, 2] = 0.4474  # more digits would break the line
     assert "most 447 ms" in cards.strips(table, 19.99)
 
@@ -108,8 +118,16 @@ def test_quality_colours_rise_in_lightness():
     assert tuple(none) == theme.GOAL
 
 
-@pytest.mark.parametrize("size", [(1600, 800), (800, 600), (390, 844)])
-def test_the_camera_sees_robot_and_person_beside_the_panel(size):
+# the window to the page [px], and pixels of the screen for one of these
+@pytest.mark.parametrize(
+    "window, scale",
+    [
+        *(((1600, 800), 1), ((800, 600), 1), ((390, 844), 1)),
+        *(((360, 640), 2), ((430, 932), 2), ((1440, 900), 2), ((1536, 864), 1.25)),
+    ],
+)
+def test_the_camera_sees_robot_and_person_beside_the_panel(window, scale):
+    size = tuple(round(scale * pixels) for pixels in window)
     rng = np.random.default_rng(0)
     robot = rng.uniform([-0.2, -0.3, 0], [0.5, 0.3, 0.9], (20, 3))
     person = rng.uniform([0.6, -0.3, 0.2], [1.2, 0.3, 0.8], (10, 3))
@@ -125,7 +143,9 @@ def test_the_camera_sees_robot_and_person_beside_the_panel(size):
     wide = off @ right / depth / np.tan(theme.FOV / 2) * size[1] / 2  # px
     assert high.max() < np.tan(theme.FOV / 2)
     assert wide.min() > -size[0] / 2
-    panel = theme.PANEL if size[0] > 576 else 0
+    panel = scale * theme.PANEL if window[0] > 576 else 0
     assert wide.max() < size[0] / 2 - panel
+    if not panel:  # it is at the foot, six tenths of the window high
+        assert (off @ up / depth).min() > 0.2 * np.tan(theme.FOV / 2)
     across = (robot.mean(axis=0) - person.mean(axis=0)) @ right
     assert abs(across) > 0.5  # side by side, not one behind the other

@@ -152,6 +152,14 @@ def test_a_turn_draws_cells_and_blocked_edges_once_the_map_is_there(page):
     np.testing.assert_array_equal(lines.vertices, segments.reshape(-1, 3))
 
 
+def test_only_layers_that_can_have_something_are_offered(page):
+    boxes = page.panel._boxes
+    assert {name for name, box in boxes.items() if not box.visible} == {
+        *("points", "before"),  # no recording has them
+        "still",  # nothing stands around here
+    }
+
+
 def test_the_robots_visual_meshes_stand_where_its_links_do(crane_urdf, crane):
     from roadmap.kinematics.forward import body_frames
     from roadmap.robot.description import read_description

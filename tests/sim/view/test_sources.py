@@ -58,6 +58,18 @@ def test_a_hold_is_told_with_its_reason(found):
     assert any(hold["reason"] in e.text for e in events)
 
 
+def test_a_hold_that_begins_in_contact_is_told_with_its_reason(found):
+    record, hold = found.record, found.record.holds[0]
+    begin, end = (round(100 * hold[k]) for k in ("start_s", "end_s"))
+    middle = (begin + end) // 2
+    gaps = np.array(record.arrays["separation"])
+    gaps[begin - 1 : middle] = -0.01
+    arrays = record.arrays | {"separation": gaps}
+    events = Recorded(replace(record, arrays=arrays)).events
+    (told,) = [e for e in events if abs(e.time_s - middle / 100) < 0.005]
+    assert told.text.endswith(f": {hold['reason']}")
+
+
 def moment(time_s, rows, events=()):
     table = np.zeros((len(rows), 5))
     table[:, 0] = rows
