@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from odm.audit.sequence_judge import Judge
-from odm.audit.sequences import Sequence, reuse_certificate
+from odm.audit.sequence_judge import Judge, Verdict
+from odm.audit.sequences import KINDS, Sequence, Step, reuse_certificate
 from odm.cell_map.cell_map import CellMap, load_map
 from odm.processes import in_processes
 from roadmap.builds.chunks import Progress
@@ -20,6 +20,9 @@ EXACT_EVERY = 50  # one step in so many is measured with exact solids in any cas
 LISTED = 20  # faults that a report tells in words
 ANSWERED = 0.5  # share of the steps that must be answered with a path
 SABOTAGE = "certificate"
+_SUMMED = (
+    "steps", "answered", "legs", "exact", "near", "wrong", "unproved", "ways_out",
+)  # fmt: skip
 
 
 @dataclass
@@ -34,6 +37,9 @@ class SequenceReport:
         near: Answers that would fail with 5 mm more of clearance.
         wrong: Answers with a fault.
         unproved: Legs that a fresh planner refuses as a whole, but at no place.
+        ways_out: Ways out of frames that hold, all judged and measured exactly.
+        kinds: Answers with a path, and how many of them were measured exactly, of each
+            kind of `odm.audit.sequences.KINDS`; what is 0 was not attacked.
         smallest: Smallest exact distance [m] less what is to be kept; inf: none.
         first_faults: (seed, step, fault) of the first faults.
         seed, seconds, sabotage, complete: How it was run; not complete if interrupted.
@@ -46,6 +52,10 @@ class SequenceReport:
     near: int = 0
     wrong: int = 0
     unproved: int = 0
+    ways_out: int = 0
+    kinds: dict[str, tuple[int, int]] = field(
+        default_factory=lambda: dict.fromkeys(KINDS, (0, 0))
+    )
     smallest: float = np.inf
     first_faults: list[tuple[int, int, str]] = field(default_factory=list)
     seed: int = 0
@@ -65,10 +75,26 @@ class SequenceReport:
 
     def add(self, other: "SequenceReport") -> None:
         """Add another part."""
-        for name in ("steps", "answered", "legs", "exact", "near", "wrong", "unproved"):
+        for name in _SUMMED:
             setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name, counts in other.kinds.items():
+            self._count(name, *counts)
         self.smallest = min(self.smallest, other.smallest)
         self.first_faults = (self.first_faults + other.first_faults)[:LISTED]
+
+    def count(self, step: Step, verdict: Verdict) -> None:
+        """Count an answer with a path."""
+        self.answered += 1
+        self.legs += len(step.answer.path) - 1
+        self.exact += verdict.exact
+        self.near += verdict.near
+        self.unproved += verdict.unproved
+        for name in step.kinds:
+            self._count(name, 1, int(verdict.exact))
+
+    def _count(self, name: str, answers: int, exact: int) -> None:
+        before = self.kinds[name]
+        self.kinds[name] = before[0] + answers, before[1] + exact
 
     def as_dict(self) -> dict:
         """Return everything as plain JSON data."""
@@ -85,7 +111,8 @@ class SequenceReport:
             f"audit by sequences {verdict}: {self.wrong} false answers in "
             f"{self.steps:,} steps, {self.answered_share:.0%} answered with a path, "
             f"{self.legs:,} legs judged, {self.exact:,} answers measured exactly, "
-            f"{self.near:,} of all near to what they must keep"
+            f"{self.near:,} of all near to what they must keep, {self.ways_out:,} ways "
+            "out judged"
         )
 
 
@@ -183,14 +210,12 @@ def run_sequence(
             )
             break
         report.steps += 1
-        verdict = step.verdict
+        if step.verdict is not None:
+            report.count(step, step.verdict)
+        report.ways_out += step.way_out is not None
+        verdict = step.verdict or step.way_out
         if verdict is None:
             continue
-        report.answered += 1
-        report.legs += len(step.answer.path) - 1
-        report.exact += verdict.exact
-        report.near += verdict.near
-        report.unproved += verdict.unproved
         report.wrong += bool(verdict.wrong)
         report.smallest = min(report.smallest, verdict.gap)
         report.first_faults += [(seed, k, fault) for fault in verdict.wrong]

@@ -24,6 +24,7 @@ from odm.planner.planner import ReactivePlanner
 from odm.search.state import center_motion_bounds
 from roadmap.kinematics._limits import LIMIT_TOLERANCE
 from roadmap.kinematics.forward import difference
+from roadmap.loading.held_link import with_payload
 from roadmap.transforms import moved_points, pose_with, rotation_to_z
 
 # [m] of samples, where the map's rho allows it; where the covering radius is declared
@@ -35,6 +36,8 @@ FAR = 0.3  # [m] distances beyond are not resolved, nor beyond twice what is kep
 EVERY = 4  # of the places that are looked at, python-fcl and self-distance take one
 PLACES = 513  # of a leg that are looked at where the whole is refused
 SHAPES = ("shapes", "both")  # modes of `World` with shapes
+# [m] a way out may lose what "no nearer than now" allows, and what shells stick out by
+YIELDS = 0.003
 GROUND = 20.0  # [m] side of the box that stands for a half-space
 
 
@@ -44,7 +47,7 @@ class World:
 
     Attributes:
         capsules: (k, 7) obstacles of the frame, base frame [m].
-        boxes: Scenery of the place, world frame.
+        things: Scenery of the place, world frame.
         named: Whether they are objects of the planner's scene, exact; else they are
             set by `set_static`, as samples.
         T_world_base: (4, 4) pose of the base [m].
@@ -60,7 +63,7 @@ class World:
     """
 
     capsules: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
-    boxes: list[Box] = field(default_factory=list)
+    things: list[Shape] = field(default_factory=list)
     named: bool = False
     others: list[Shape] = field(default_factory=list)
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
@@ -71,12 +74,12 @@ class World:
     rho: float = SPACING
 
     def furnish(self, planner: ReactivePlanner) -> None:
-        """Let the boxes stand around a planner's robot, and nothing else."""
+        """Let the things stand around a planner's robot, and nothing else."""
         planner.scene.clear()
-        loose = [] if self.named else self.boxes
+        loose = [] if self.named else self.things
         planner.set_static(loose or np.zeros((0, 3)))
-        for k, box in enumerate(self.boxes if self.named else []):
-            planner.scene.add(f"box {k}", box)
+        for k, thing in enumerate(self.things if self.named else []):
+            planner.scene.add(f"thing {k}", thing)
 
     def shapes(self) -> list[Shape]:
         """Return those obstacles that the planner is given as shapes, base frame."""
@@ -153,7 +156,7 @@ class Judge:
         self.oracle = ReactivePlanner(cell_map, always_replan=True)
         self._q = cell_map.roadmap.nodes[0].copy()
         self._plain = _ExactSide(cell_map, cell_map.robot)
-        self._boxes: list[Box] = []  # the scenery that the oracle knows
+        self._things: list[Shape] = []  # the scenery that the oracle knows
         self.begin()
 
     def begin(self) -> None:
@@ -215,6 +218,44 @@ class Judge:
             self._measure(world, path, verdict, spent)
         return verdict
 
+    def judge_way_out(
+        self,
+        world: World,
+        given: np.ndarray | Obstacles,
+        q: np.ndarray,
+        path: np.ndarray,
+    ) -> Verdict:
+        """Judge a motion (2, dof) that is offered as a way out of a frame that holds.
+
+        It is free of what stands still as any other. Of what is given in the frame no
+        link comes nearer than it must be, or than it is now, up to `YIELDS`; of points
+        nothing tells what is between them, which may come nearer by their spacing.
+        """
+        if self._dirty:
+            self._take_up(world)
+        verdict, oracle = Verdict(exact=True), self.oracle
+        if not np.array_equal(path[0], q):
+            verdict.wrong.append(f"the way out begins at {path[0]}, not at {q}")
+        oracle.step(given, q=self._q, **world.step_arguments())
+        dq = difference(self.cell_map.robot, path[0], path[1])
+        if not oracle.static.motion_free(path[0], dq):
+            verdict.wrong.append(f"way out: {oracle.static.why(path[0], dq)}")
+        if not oracle.clear_of_others(path, 0.0, np.zeros((0, 7))):
+            verdict.wrong.append("way out: a sphere comes nearer to the frame")
+        T, m = np.linalg.inv(world.T_world_base), self.cell_map.safety.m
+        kept, moving = m + world.extra, world.solids()
+        things = [thing.moved(T) for thing in world.things]
+        self._side.stand_around(things)
+        self._tell(verdict, 0, self._side.leg(path[0], dq, kept, m))
+        if moving:
+            slack = YIELDS + (world.spacing if world.mode != "shapes" else 0.0)
+            self._side.stand_around(moving)
+            least = min(kept, self._side.distance(path[0])) - slack
+            found = self._side.leg(path[0], dq, least, m)
+            found.touches &= least > 0.0
+            self._tell(verdict, 0, found)
+        return verdict
+
     def _is_rounded(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Return whether a leg from beside a segment is free (decision 0102).
 
@@ -244,13 +285,14 @@ class Judge:
             oracle.set_base(world.T_world_base)
         if oracle.extra != world.extra:
             oracle.set_extra_clearance(world.extra)
-        if self._boxes is not world.boxes:
+        if self._things is not world.things:
             world.furnish(oracle)
             oracle.scene.test_waiting()
-            self._boxes = world.boxes
+            self._things = world.things
         self._side = self._plain
-        if world.held is not None:
-            self._side = _ExactSide(self.cell_map, oracle.carrier.robot)
+        if world.held is not None:  # as solids; a planner's robot has its spheres alone
+            robot = with_payload(self.cell_map.robot, world.held)
+            self._side = _ExactSide(self.cell_map, robot)
 
     def _measure(
         self, world: World, path: np.ndarray, verdict: Verdict, spent: float
@@ -261,14 +303,14 @@ class Judge:
         """
         T = np.linalg.inv(world.T_world_base)
         m = self.cell_map.safety.m
-        moving, boxes = world.solids(), [box.moved(T) for box in world.boxes]
+        moving, things = world.solids(), [thing.moved(T) for thing in world.things]
         kept, verdict.exact = m + world.extra, True
         legs = list(enumerate(zip(path, path[1:], strict=False)))
-        together = [*moving, *boxes]
+        together = [*moving, *things]
         parts = [(together, legs, kept, m)]
         if spent:
             parts = [(together, legs[1:], kept, m), (moving, legs[:1], kept, m - spent)]
-            parts.append((boxes, legs[:1], kept - spent, m - spent))
+            parts.append((things, legs[:1], kept - spent, m - spent))
         for around, some, beside, own in parts:
             self._side.stand_around(around)
             for k, (a, b) in some:
@@ -324,6 +366,12 @@ class _ExactSide:
         """Take the obstacles of a frame and the scenery of the place, base frame."""
         self.fcl.set_obstacles(shapes)
         self._near = obstacles_of(shapes) if shapes else None
+
+    def distance(self, q: np.ndarray) -> float:
+        """Return the exact distance at q from what stands around [m], FAR at most."""
+        if self._near is None:
+            return FAR
+        return self.exact.distance(q, self._near, cap=FAR).distance
 
     def leg(self, q: np.ndarray, dq: np.ndarray, kept: float, m: float) -> _Found:
         """Return the smallest distance on q + t dq, less what must be kept.

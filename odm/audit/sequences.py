@@ -5,7 +5,8 @@ shortcuts, where obstacles have been. A frame is random here in all that a calle
 do: obstacles come and go, goals are switched and kept, the robot follows, drifts, is
 pushed, trembles and jumps, something is taken into the hand, the base moves, frames are
 stale, broken or huge. After each frame every leg of the answer is judged by
-`odm.audit.sequence_judge`, which remembers nothing.
+`odm.audit.sequence_judge`, which remembers nothing; and where it holds, the way out
+that it offers.
 """
 
 import itertools
@@ -14,12 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from odm.answer import HOLDING, Answer
+from odm.answer import HOLDING, IN_USE, REPLANNED, ROADMAP, SEARCH, STRAIGHT, Answer
 from odm.audit.sequence_judge import SHAPES, SPACING, Judge, Verdict, World
 from odm.cell_map.cell_map import CellMap
 from odm.cell_map.recipe import PayloadRecipe
 from odm.obstacles.obstacles import Obstacles, lent_arrays
-from odm.obstacles.shapes import Box, Cylinder, Mesh, Shape, Sphere
+from odm.obstacles.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from odm.obstacles.surfaces import sample_capsules, surface_of
 from odm.planner.planner import ReactivePlanner
 from odm.planner.settings import PlannerSettings
@@ -36,24 +37,50 @@ FEW, HUGE = 4, 40_000  # goals at most; points of a frame that makes the memory 
 BUMP = 0.04  # [rad or m] of a joint
 TRIED = 500  # configurations that are drawn before the scenery goes
 PATIENCE = 12  # frames without a path, then the obstacles leave
+WAYS_OUT = 4  # of so many frames in a row that hold, the first one's is judged
+TOO_NEAR = 0.25  # share of the approaches to within what the cover keeps
 
 # What happens between two frames, and how often relative to each other.
 EVENTS = {
     "follow": 60, "push": 5, "misread": 2, "tremble": 6, "bump": 3, "jump": 1,
     "wait": 8, "improve": 25, "improve_ahead": 5, "switch_goals": 3, "keep_goals": 4,
     "costs": 1, "approach_robot": 20, "move_obstacles": 20, "clear": 1, "come": 6,
-    "reset": 0.3, "hand": 0.4, "base": 0.15, "clearance": 0.3, "scenery": 0.15,
+    "reset": 0.3, "hand": 0.4, "base": 0.15, "clearance": 0.3, "scenery": 1,
     "stale": 0.8, "broken": 0.8, "grow": 0.03, "prepare": 0.4,
 }  # fmt: skip
 QUIET = {"wait", "improve", "keep_goals", "tremble"}  # while the robot is being pushed
 
+# What an answer may be: what found its path, and what stands about, and how it is told.
+BESIDE, BY_LINKS, IMPROVED = "from beside its path", "by the links", "just improved"
+HELD, POINTS = "something in the hand", "points about"
+NAMED, LOOSE = "objects of the scene", "static scenery of points"
+_ABOUT = {
+    Capsule: "capsules about", Sphere: "spheres about", Cylinder: "cylinders about",
+    Box: "boxes about", Mesh: "meshes about",
+}  # fmt: skip
+KINDS = (
+    STRAIGHT, ROADMAP, SEARCH, IN_USE, IMPROVED, BESIDE, BY_LINKS, HELD, NAMED, LOOSE,
+    POINTS, *_ABOUT.values(),
+)  # fmt: skip
+# A new path of these is measured exactly, always: else hardly any would be.
+RARE = {SEARCH, BY_LINKS, HELD, NAMED, LOOSE, *_ABOUT.values()} - {_ABOUT[Capsule]}
+
 
 @dataclass(frozen=True)
 class Step:
-    """One frame of a sequence: the answer, and what was found about its legs."""
+    """One frame of a sequence: the answer, and what was found about its legs.
+
+    Attributes:
+        answer: The answer.
+        verdict: Of its legs; None where it holds.
+        kinds: What kinds of answer it is, of `KINDS`; none where it holds.
+        way_out: Of the motion out that it offers, where it holds and that was judged.
+    """
 
     answer: Answer
     verdict: Verdict | None
+    kinds: tuple[str, ...] = ()
+    way_out: Verdict | None = None
 
 
 class Sequence:
@@ -93,6 +120,7 @@ class Sequence:
         self.velocity = np.zeros((2, 3))
         self.idle = 0
         self.is_broken = self.is_stale = False  # the next frame
+        self.improved = False  # something was found since the last one
         self.answer: Answer | None = None
         self.switch_goals()
 
@@ -106,7 +134,7 @@ class Sequence:
         nodes, still = self.cell_map.roadmap.nodes, np.zeros(self.robot.dof)
         for tried in itertools.count():
             if tried and tried % TRIED == 0:
-                self.world.boxes = []
+                self.world.things = []
                 self._set_scenery()
             q = nodes[self.rng.integers(len(nodes))] + self.rng.normal(
                 0.0, 0.1 if self.rng.random() < 0.8 else 0.0, self.robot.dof
@@ -218,7 +246,7 @@ class Sequence:
 
     def improve(self) -> None:
         """Improve the path in use."""
-        self.planner.improve(int(self.rng.integers(0, 13)))
+        self.improved |= self.planner.improve(int(self.rng.integers(0, 13))) > 0
 
     def improve_ahead(self) -> None:
         """Improve it from a place that the robot will come to, or just not."""
@@ -228,7 +256,8 @@ class Sequence:
         ahead = a + self.rng.random() * (b - a)
         if self.rng.random() < 0.3:
             ahead = ahead + self.rng.normal(0.0, 1e-3, self.robot.dof)
-        self.planner.improve(int(self.rng.integers(0, 13)), ahead)
+        made = self.planner.improve(int(self.rng.integers(0, 13)), ahead)
+        self.improved |= made > 0
 
     def switch_goals(self) -> None:
         """Set other goals, sometimes some of the old ones with them."""
@@ -272,10 +301,24 @@ class Sequence:
             self._carry_others(self.velocity[0])
 
     def approach_robot(self) -> None:
-        """Let the obstacles come as near to what lies ahead as they just may."""
+        """Let the obstacles come as near to what lies ahead as they just may.
+
+        Or a little nearer to the cover: the links may yet be free, and who holds may be
+        offered a way out.
+        """
         if len(self.world.capsules):
-            q = self._ahead()
-            self._shift(q, self.planner.keep + 10.0 ** self.rng.uniform(-4.0, -1.5))
+            q, keep = self._ahead(), self._keep()
+            if self.rng.random() < TOO_NEAR:
+                self._shift(q, keep - self.rng.uniform(0.0, 0.02))
+            else:
+                self._shift(q, keep + 10.0 ** self.rng.uniform(-4.0, -1.5))
+
+    def _keep(self) -> float:
+        """Return what the cover keeps from the obstacles, as they are told [m]."""
+        frame = self.planner.frame
+        if self.world.mode == "shapes":
+            return frame.keep_from_shapes
+        return frame.keep
 
     def come(self) -> None:
         """Let obstacles appear, mostly beside what lies ahead."""
@@ -295,7 +338,7 @@ class Sequence:
         if self.world.mode in SHAPES:
             number = int(self.rng.integers(0, 4))
             self.world.others = [self.draw_shape(near) for _ in range(number)]
-        self._shift(q, self.planner.keep + self.rng.uniform(0.0, 0.12))
+        self._shift(q, self._keep() + self.rng.uniform(0.0, 0.12))
 
     def _ahead(self) -> np.ndarray:
         """Return a configuration of the path, more often a near one; or q."""
@@ -366,13 +409,17 @@ class Sequence:
         self.judge.changed()
 
     def scenery(self) -> None:
-        """Put a box somewhere, by name or for good in turn, or take it away."""
-        self.world.boxes, self.world.named = [], not self.world.named
-        if self.rng.random() < 0.6:
-            size = self.rng.uniform(0.05, 0.3, 3)
-            p = self.draw_arm()[0, :3]
-            turn = self.rng.uniform(-1.0, 1.0, 3)
-            self.world.boxes = [Box(size).moved(pose_of(p, turn))]
+        """Put things around what lies ahead, by name or for good, or take all away."""
+        rng = self.rng
+        self.world.things, self.world.named = [], bool(rng.random() < 0.5)
+        if rng.random() < 0.8:
+            centers = sphere_centers(self.robot, self._ahead())[self.robot.moving]
+            for _ in range(int(rng.integers(1, 4))):
+                away = rng.normal(size=3)
+                away *= rng.uniform(0.1, 0.5) / max(float(np.linalg.norm(away)), 1e-9)
+                thing = self.draw_shape(centers[rng.integers(len(centers))] + away)
+                # they stand in the world
+                self.world.things.append(thing.moved(self.world.T_world_base))
         self._set_scenery()
 
     def _set_scenery(self) -> None:
@@ -411,14 +458,21 @@ class Sequence:
         answer = self.planner.step(
             given, q=self.q, stamp=stamp, now=self.now, **world.step_arguments()
         )
-        verdict = None
+        verdict = way_out = None
+        kinds: tuple[str, ...] = ()
         if answer.status != HOLDING:
-            told = answer.path, exact, answer.by_links
             beside = self.planner.memory.numbers.off_path.item() == 1
+            kinds = tuple(self._kinds(answer, beside))
+            exact |= answer.status == REPLANNED and not RARE.isdisjoint(kinds)
+            told = answer.path, exact, answer.by_links
             verdict = self.judge.judge(world, seen, self.q, *told, beside)
             if refused:
                 verdict.wrong.append("a frame that cannot be used was answered")
-        self.answer = answer
+        elif self.idle % WAYS_OUT == 0 and answer.retreat is not None:
+            way_out = self.judge.judge_way_out(world, seen, self.q, answer.retreat)
+            if refused:
+                way_out.wrong.append("a frame that cannot be used offers a way out")
+        self.answer, self.improved = answer, False
         self.idle = self.idle + 1 if answer.status == HOLDING else 0
         if self.idle > PATIENCE:
             self.clear()
@@ -427,7 +481,23 @@ class Sequence:
         if self.pushes:
             self.pushes -= 1
             self.q = self.inside(self.q + self.pushed)
-        return Step(answer, verdict)
+        return Step(answer, verdict, kinds, way_out)
+
+    def _kinds(self, answer: Answer, beside: bool) -> Iterator[str]:
+        """Yield of what kinds an answer with a path is."""
+        world, told = self.world, {type(shape) for shape in self.world.shapes()}
+        yield answer.stage
+        about = {
+            IMPROVED: self.improved and answer.stage == IN_USE,
+            BESIDE: beside,
+            BY_LINKS: len(answer.by_links) > 0,
+            HELD: world.held is not None,
+            NAMED: world.named and len(world.things) > 0,
+            LOOSE: not world.named and len(world.things) > 0,
+            POINTS: len(world.capsules) > 0 and world.mode != "shapes",
+        }
+        about |= {name: kind in told for kind, name in _ABOUT.items()}
+        yield from (name for name, holds in about.items() if holds)
 
     def _broken(self, given: np.ndarray | Obstacles) -> np.ndarray | Obstacles:
         """Return what is given with one value that is no number."""

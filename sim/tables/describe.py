@@ -342,8 +342,12 @@ def show_sequences(report: "SequenceReport", map_hash: str) -> None:
         ("false answers", f"{report.wrong:,}"),
         ("legs refused as a whole, but at no place", f"{report.unproved:,}"),
         ("smallest exact distance beyond what is kept", smallest),
+        ("ways out of frames that hold, measured", f"{report.ways_out:,}"),
     )
     console.print(table_of("What was judged", ("count of", ""), rows, left=(0, 1)))
+    kinds = [(name, f"{n:,}", f"{m:,}") for name, (n, m) in report.kinds.items()]
+    heads = ("answers with", "", "measured")
+    console.print(table_of("Kinds of answers", heads, kinds, left=(0,)))
     for seed, step, fault in report.first_faults:
         console.print(f"  sequence {seed}, step {step}: {fault}", soft_wrap=True)
     console.print(_with_seed(report, map_hash))

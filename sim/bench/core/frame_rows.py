@@ -8,7 +8,7 @@ from unittest.mock import patch
 import numpy as np
 
 from odm import ReactivePlanner
-from odm.answer import HOLDING
+from odm.answer import HOLDING, IN_USE
 from odm.cell_map.cell_map import CellMap
 from odm.exact.distances import ExactRobot
 from roadmap.kinematics.forward import difference
@@ -25,6 +25,7 @@ FOLLOW = {"p50": 10.0, "p99": 150.0}
 CHANGED = 0.5  # [rad or m] between paths of successive frames
 _SHARES = np.linspace(0.0, 1.0, 50)  # of the paths' lengths, where they are compared
 _AT_GOAL = 1e-6  # [rad or m]
+_SEARCHED = "... frames that searched, or hold"
 # straight motions are looked at in every so many frames, so far apart [rad or m]
 _LOOK_EVERY, _LOOK_STEP = 20, 0.02
 
@@ -100,11 +101,13 @@ def _replanned(
 def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
     """Time frames of a planner as users have it: the path is kept while it is free."""
     planner, clock = ReactivePlanner(cell_map), Clock()
-    changed, touched, around = [], [], []
+    changed, touched, around, stays = [], [], [], []
     for pair in pairs:
         frames = pair.asked()
         pair.begin(planner, frames[0])
-        paths = [clock(ask, planner, pair.q_start).path for ask in frames]
+        answers = [clock(ask, planner, pair.q_start) for ask in frames]
+        paths = [answer.path for answer in answers]
+        stays += [answer.stage == IN_USE for answer in answers]
         around += python_around(planner, frames[-1], pair.q_start)
         changed += [
             difference_of(last, path) > CHANGED
@@ -122,6 +125,7 @@ def kept(cell_map: CellMap, pairs: list[Pair]) -> list:
     return [
         clock.row("path kept while it is free", note, **KEPT),
         value_row("... p95", late, "us"),
+        value_row(_SEARCHED, 100 * np.mean(np.logical_not(stays)), "%"),
         value_row(
             "... Python around the compiled calls", np.median(around), "us", most=3
         ),
@@ -211,19 +215,25 @@ def _along(path: np.ndarray) -> np.ndarray:
 def followed(cell_map: CellMap, pairs: list[Pair]) -> list:
     """Time frames of a robot that moves along its path, replanned or only looked at."""
     note = "q new every frame, at joint speed limits, searched where it is blocked"
-    lazily, turned = _follow(cell_map, pairs, False)
-    always, _ = _follow(cell_map, pairs, True)
+    lazily, turned, kept = _follow(cell_map, pairs, False)
+    always, *_ = _follow(cell_map, pairs, True)
     return [
         lazily.row("robot follows its path", note, **FOLLOW),
+        value_row(_SEARCHED, 100 * np.mean(np.logical_not(kept)), "%"),
         always.row("... searched from scratch", "in every frame"),
         turned.row("... first step to a new goal", "not among those above", p99=5000.0),
     ]
 
 
-def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, Clock]:
-    """Return the times of all steps but those that are the first to a new goal."""
+def _follow(
+    cell_map: CellMap, pairs: list[Pair], always: bool
+) -> tuple[Clock, Clock, list[bool]]:
+    """Return the times of all steps, those of the first to a new goal apart.
+
+    And which of the others kept the path in use.
+    """
     planner = ReactivePlanner(cell_map, always_replan=always)
-    clock, turned = Clock(), Clock()
+    clock, turned, kept = Clock(), Clock(), []
     for pair in pairs:
         frames, q = pair.asked(), pair.q_start
         goals, at = [pair.q_goal, pair.q_start], 0
@@ -231,6 +241,8 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
         timed = clock
         for ask in frames:
             answer = timed(ask, planner, q)
+            if timed is clock:
+                kept.append(answer.stage == IN_USE)
             timed = clock
             if answer.status == HOLDING:
                 continue
@@ -238,7 +250,7 @@ def _follow(cell_map: CellMap, pairs: list[Pair], always: bool) -> tuple[Clock, 
             if np.abs(q - goals[at]).max() < _AT_GOAL:
                 at, timed = 1 - at, turned
                 planner.set_goals(goals[at : at + 1])
-    return clock, turned
+    return clock, turned, kept
 
 
 def advance(path: np.ndarray, max_velocity: np.ndarray, period: float) -> np.ndarray:
@@ -266,10 +278,15 @@ def first_steps(cell_map: CellMap, pairs: list[Pair], each: int = 5) -> list:
 
 
 def goal_setting(cell_map: CellMap, pairs: list[Pair], seed: int) -> list:
-    """Time set_goals: a roadmap node, any valid configuration, unchanged goals."""
+    """Time set_goals: a roadmap node, any valid configuration, unchanged goals.
+
+    It joins a goal by a few motions. The others follow when a frame finds no path, and
+    between frames: how long they take together is told apart.
+    """
     planner = ReactivePlanner(cell_map)
-    node, free, same = Clock(), Clock(), Clock()
-    rng = np.random.default_rng(seed)
+    node, free, same, later = Clock(), Clock(), Clock(), Clock()
+    rng, joined = np.random.default_rng(seed), []
+    number, wanted = planner.memory.goals.number, planner.settings.goal_connections
     for pair in pairs:
         planner.reset()
         at = rng.integers(cell_map.roadmap.n_nodes)
@@ -277,8 +294,12 @@ def goal_setting(cell_map: CellMap, pairs: list[Pair], seed: int) -> list:
         node(planner.set_goals, [q_node])
         free(planner.set_goals, [pair.q_goal])
         same(planner.set_goals, [pair.q_goal])
+        joined.append(number.item(0))
+        later(planner.attacher.attach_more, wanted)
     return [
         node.row("set_goals, a roadmap node", "", p99=1000.0),
         free.row("set_goals, any valid configuration", "", p99=4000.0),
+        value_row(f"... motions into it by then, of {wanted}", np.mean(joined), ""),
+        later.row("... the others, in frames without a path or in improve", ""),
         same.row("set_goals, unchanged", "checked, nothing done"),
     ]

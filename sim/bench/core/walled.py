@@ -21,47 +21,70 @@ def walled_in(
     """Time frames whose goal, or start, is free but cut off by arms around it.
 
     Arms are put beside the links one by one, each just outside the clearance, until
-    the planner finds no path: so these are the hardest frames of their kind, cut off
-    by the last arm only. The search beyond the roadmap is left out: how long such a
-    frame looks for another way is a setting.
+    the planner finds no path in any of so many frames, in which it joins more motions
+    to both ends: so these are the hardest frames of their kind, cut off by the last arm
+    only. What is timed are such frames from the first on. The search beyond the roadmap
+    is left out: how long such a frame looks for another way is a setting.
     """
     rows = []
     for place in ("goal", "start"):
         rng = np.random.default_rng(seed)
         planner = ReactivePlanner(cell_map, True, PlannerSettings(search=0))
-        clock = Clock()
-        arms = []
+        clock, held, arms = Clock(), [], []
         for pair in pairs:
-            points, n_arms = wall(planner, pair, place, rng)
+            points, n_arms = wall(planner, pair, place, rng, repeats)
             if points is None:
                 continue
             arms.append(n_arms)
+            _begin_anew(planner, pair)
             for _ in range(repeats):
-                clock(planner.step, points, q=pair.q_start, rounding=ROUND)
+                answer = clock(planner.step, points, q=pair.q_start, rounding=ROUND)
+                held.append(answer.status == HOLDING)
         note = "free, but cut off by arms around it; same q"
         rows.append(clock.row(f"{place} walled in", note, **WALLED))
+        share = 100.0 * float(np.mean(held)) if held else np.nan
+        rows.append(value_row("... frames that hold", share, "%", least=100.0))
         mean = float(np.mean(arms)) if arms else 0.0
         rows.append(value_row(f"... arms around the {place}, mean", mean, ""))
     return rows
 
 
 def wall(
-    planner: ReactivePlanner, pair: Pair, place: str, rng: np.random.Generator
+    planner: ReactivePlanner,
+    pair: Pair,
+    place: str,
+    rng: np.random.Generator,
+    frames: int,
 ) -> tuple[np.ndarray | None, int]:
-    """Return (points, number of arms) that wall a pair's goal or start in, or None."""
-    planner.reset()
-    planner.set_goals([pair.q_goal])
+    """Return (points, number of arms) that wall a pair's goal or start in, or None.
+
+    The planner, to which both ends are new, holds in so many frames with them.
+    """
     q = pair.q_goal if place == "goal" else pair.q_start
     points = np.zeros((0, 3))
-    planner.step(points, q=pair.q_start, rounding=ROUND)
     for n_arms in range(1, _ARMS + 1):
         more = _beside(planner, pair, q, points, rng)
         if more is None:
             return None, 0
         points = more
-        if planner.step(points, q=pair.q_start, rounding=ROUND).status == HOLDING:
+        _begin_anew(planner, pair)
+        answers = (
+            planner.step(points, q=pair.q_start, rounding=ROUND) for _ in range(frames)
+        )
+        if all(answer.status == HOLDING for answer in answers):
             return points, n_arms
     return None, 0
+
+
+def _begin_anew(planner: ReactivePlanner, pair: Pair) -> None:
+    """Let a planner have a pair's goal, and its first frame with nobody about.
+
+    It knows no motions of either end but those that it joins now.
+    """
+    planner.set_goals([pair.q_start])  # so that the goal is one never seen
+    planner.set_goals([pair.q_goal])
+    planner.reset()
+    planner.step(np.zeros((0, 3)), q=pair.q_start)
 
 
 def _beside(

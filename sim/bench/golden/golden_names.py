@@ -52,7 +52,8 @@ _METHODS = {
         "set_goals", "step", "improve", "reset", "take_over", "prepare_goal",
         "is_prepared", "attach", "detach", "set_extra_clearance", "set_base",
         "set_static", "is_free", "approach", "stands_clear", "separation",
-        "invalid_nodes", "invalid_edges", "blocked_leg",
+        "invalid_nodes", "invalid_edges", "blocked_leg", "see", "expect", "evasion",
+        "clear_of_others", "save_memory", "load_memory", "use_tight_ends",
     ),
     odm.SeenSpace: ("update", "cells", "counts", "reset"),
     roadmap.Motion: (

@@ -18,10 +18,11 @@ sys.path.append(str(Path(__file__).parent))
 
 import golden_commands as commands  # noqa: E402
 import golden_names as names  # noqa: E402
+import golden_shapes as shapes  # noqa: E402
 
 import roadmap  # noqa: E402
 
-ITEMS = names.ITEMS | commands.ITEMS
+ITEMS = names.ITEMS | shapes.ITEMS | commands.ITEMS
 SHORT = "short"  # in place of names: all items but those that take their time
 _LONG = (
     "tables", "pictures", "maps", "audits", "runs", "scenes", "replays", "pushed",

@@ -41,10 +41,19 @@ def compare(
         rows.append(race["theirs"].row(name, race["what"]))
         rows.append(race["ours"].row("... the planner on the same frames"))
         rows.append(race["sampled"].row("... the planner, given samples of them"))
+        mine, its = race["mine"], race["its"]
+        solved = ("it", its), ("the planner", mine)
+        rows += [
+            value_row(f"... frames with a path, {who}", 100.0 * got.mean(), "%")
+            for who, got in solved
+        ]
         for share in (50, 99):
             ratio = _ratio(race, share)
             asked = {"least": least} if share == 50 else {}
-            rows.append(value_row(f"... times faster at p{share}", ratio, "", **asked))
+            note = "where both have a path" if share == 50 else ""
+            rows.append(
+                value_row(f"... times faster at p{share}", ratio, "", note, **asked)
+            )
     return {"rows": rows, "fcl": _counts(slow), "compiled": _counts(fast)}
 
 
@@ -52,7 +61,7 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
     planner = ReactivePlanner(cell_map, always_replan=True)
     attaching, fcl = ReactivePlanner(cell_map), FclSearch(cell_map)
     ours, sampled, theirs = Clock(), Clock(), Clock()
-    found, lengths, contacts = np.zeros((2, 2), int), [], 0
+    found, lengths, contacts = [], [], 0
     for pair, part in _spread(pairs, n_frames):
         query = query_of(attaching, pair)
         other.set_query(query)
@@ -66,12 +75,13 @@ def _race(cell_map: CellMap, pairs: list[Pair], n_frames: int, other) -> dict:  
         paths = [theirs(other.search, rods) for rods in timed.capsules]
         for rods, answer, path in zip(timed.capsules, answers, paths, strict=True):
             mine, its = len(answer.path) > 0, path is not None
-            found[int(mine), int(its)] += 1
+            found.append((mine, its))
             if mine and its:
                 lengths.append((query.length(answer.path), query.length(path)))
             contacts += mine and not fcl.path_free(answer.path, rods)
+    mine, its = np.array(found, bool).T
     return {
-        "ours": ours, "sampled": sampled, "theirs": theirs, "found": found,
+        "ours": ours, "sampled": sampled, "theirs": theirs, "mine": mine, "its": its,
         "lengths": np.array(lengths), "contacts": contacts, "what": other.what,
     }  # fmt: skip
 
@@ -103,21 +113,29 @@ def _spread(pairs: list[Pair], n_frames: int) -> list[tuple[Pair, slice]]:
 
 
 def _ratio(race: dict, share: int) -> float:
-    """Return how many times faster the planner is, given the same capsules."""
-    theirs = np.percentile(race["theirs"].wall, share)
-    return float(theirs / np.percentile(race["ours"].wall, share))
+    """Return how many times faster the planner is, given the same capsules.
+
+    In the frames in which both have a path: who has none may be quick to say so, or
+    slow. NaN where there are no such frames.
+    """
+    both = race["mine"] & race["its"]
+    if not both.any():
+        return float("nan")
+    theirs, ours = (np.array(race[who].wall)[both] for who in ("theirs", "ours"))
+    return float(np.percentile(theirs, share) / np.percentile(ours, share))
 
 
 def _counts(race: dict) -> dict:
-    found, lengths = race["found"], race["lengths"].reshape(-1, 2)
+    lengths = race["lengths"].reshape(-1, 2)
+    mine, its = race["mine"], race["its"]
     ratio = float(np.median(lengths[:, 0] / lengths[:, 1])) if len(lengths) else None
     return {
         "what": race["what"],
-        "frames": int(found.sum()),
-        "found_by_both": int(found[1, 1]),
-        "found_by_planner_only": int(found[1, 0]),
-        "found_by_competitor_only": int(found[0, 1]),
-        "found_by_none": int(found[0, 0]),
+        "frames": len(mine),
+        "found_by_both": int((mine & its).sum()),
+        "found_by_planner_only": int((mine & ~its).sum()),
+        "found_by_competitor_only": int((its & ~mine).sum()),
+        "found_by_none": int((~mine & ~its).sum()),
         "median_of_ratios_by_frame": float(
             np.median(np.array(race["theirs"].wall) / np.array(race["ours"].wall))
         ),

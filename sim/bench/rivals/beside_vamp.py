@@ -7,6 +7,7 @@ meanwhile does not.
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -100,49 +101,79 @@ def _lengths(
     ]  # fmt: skip
 
 
-def _least(runners: dict[str, Callable], pairs: list[Pair]) -> dict[str, np.ndarray]:
-    """Return the least time of each frame [us], of everyone."""
+class Told(NamedTuple):
+    """What came of everyone's frames, by name.
+
+    Attributes:
+        times: (n,) the least time of each frame [us].
+        solved: (n,) whether it had a path in every pass.
+    """
+
+    times: dict[str, np.ndarray]
+    solved: dict[str, np.ndarray]
+
+
+def _least(runners: dict[str, Callable], pairs: list[Pair]) -> Told:
+    """Ask everyone for all frames, in turn, PASSES times."""
     best: dict[str, np.ndarray] = {}
+    solved: dict[str, np.ndarray] = {}
     for _ in range(PASSES):
         clocks = {name: Clock() for name in runners}
+        found: dict[str, list[bool]] = {name: [] for name in runners}
         for pair in pairs:
             for name, run in runners.items():
-                run(pair, clocks[name])
+                found[name] += run(pair, clocks[name])
         for name, clock in clocks.items():
-            times = 1e-3 * np.array(clock.wall, float)
+            times, got = 1e-3 * np.array(clock.wall, float), np.array(found[name], bool)
             best[name] = np.minimum(times, best.get(name, times))
-    return best
+            solved[name] = got & solved.get(name, got)
+    return Told(best, solved)
 
 
-def _rows(what: str, times: dict[str, np.ndarray], asks: bool) -> list:
+def _rows(what: str, told: Told, asks: bool) -> list:
+    times, solved = told
     head, note = f"beside VAMP, {what}", f"in turn, the least of {PASSES} passes"
     rows = [time_row(f"{head}: {_OURS}", note, times[_OURS], None)]
     rows += [time_row(f"... {name}", "", times[name], None) for name in times
              if name != _OURS]  # fmt: skip
+    rows += [
+        value_row(f"... frames with a path: {name}", 100.0 * got.mean(), "%")
+        for name, got in solved.items()
+    ]
+    note = "in the frames in which both have a path"
     # at p95, too, where a path is kept
     faster = [(_OURS, _SIMPLIFIED, share, least) for share, least in FASTER.items()]
     faster += [(_OURS, _RAW, share, AHEAD) for share in FASTER]
     faster += [(_OURS_KEPT, _CHECK, share, AHEAD) for share in (50, 95, 99)]
     for ours, theirs, share, least in faster:
-        ratio = np.percentile(times[theirs], share) / np.percentile(times[ours], share)
+        both, ratio = solved[ours] & solved[theirs], np.nan
+        if both.any():
+            it, mine = (
+                np.percentile(times[who][both], share) for who in (theirs, ours)
+            )
+            ratio = it / mine
         name = f"... {ours}: times faster than {theirs}, p{share}"
-        rows.append(value_row(name, ratio, "", least=least if asks else None))
+        rows.append(value_row(name, ratio, "", note, least=least if asks else None))
+        note = ""
     return rows
 
 
-def _ours(planner: ReactivePlanner, pair: Pair, clock: Clock) -> None:
+def _ours(planner: ReactivePlanner, pair: Pair, clock: Clock) -> list[bool]:
+    """Time the frames of a pair; return in which of them there was a path."""
     frames = pair.asked()
     pair.begin(planner, frames[0])
-    for ask in frames:
-        clock(ask, planner, pair.q_start)
+    return [len(clock(ask, planner, pair.q_start).path) > 0 for ask in frames]
 
 
-def _theirs(vamp: Vamp, pair: Pair, clock: Clock, keeps: bool = False) -> None:
+def _theirs(vamp: Vamp, pair: Pair, clock: Clock, keeps: bool = False) -> list[bool]:
+    """Time the frames of a pair; return in which of them there was a path."""
     frames = [Frame(rods) for rods in pair.capsules]
     vamp.begin(Case("", pair.q_start, pair.q_goal, tuple(frames), ()))
-    path = vamp.planned(vamp.world(frames[0]))
+    path, found = vamp.planned(vamp.world(frames[0])), []
     for frame in frames:
         path = clock(_answer, vamp, frame, path if keeps else None)
+        found.append(path is not None)
+    return found
 
 
 def _answer(vamp: Vamp, frame: Frame, path: object | None) -> object | None:

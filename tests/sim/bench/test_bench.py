@@ -178,15 +178,26 @@ def test_walls_leave_start_and_goal_free_but_cut_off(saved, pairs):
     walls = 0
     for pair in pairs:
         for place in ("goal", "start"):
-            points, n_arms = walled.wall(planner, pair, place, rng)
+            points, n_arms = walled.wall(planner, pair, place, rng, frames=6)
             if points is None:
                 continue
             walls += 1
             assert n_arms >= 1
-            assert planner.step(points, q=pair.q_start).status == "holding"
+            fresh = odm.ReactivePlanner(saved, True, odm.PlannerSettings(search=0))
+            fresh.set_goals([pair.q_goal])
+            for _ in range(6):  # in which it joins more motions to both ends
+                answer = fresh.step(points, q=pair.q_start, rounding=frames.ROUND)
+                assert answer.status == "holding"
             assert planner.separation(pair.q_start) > keep
             assert planner.separation(pair.q_goal) > keep
     assert walls
+
+
+def test_all_frames_of_what_is_walled_in_hold(saved, pairs):
+    rows = walled.walled_in(saved, pairs, seed=1, repeats=6)
+    shares = [row for row in rows if row["name"] == "... frames that hold"]
+    assert [row["value"] for row in shares] == [100.0, 100.0]
+    assert all(row["n"] for row in rows if "wall" in row)
 
 
 def test_a_camera_cloud_has_the_points_it_is_said_to_have(pairs, rng):

@@ -6,7 +6,7 @@ import pytest
 
 from sim.bench.golden.golden import DIFFERENT, FAILED, HERE, SAME, first_difference, run
 
-QUICK = ("names", "shapes", "human")
+QUICK = ("names", "shapes", "human", "obstacles")
 
 
 @pytest.fixture(scope="module")

@@ -74,12 +74,33 @@ def test_everyone_has_the_same_frames_and_only_the_first_set_is_asked(
     assert begun == 2 * asked.count((False, "begin"))
 
 
-def test_the_least_of_all_passes_counts(monkeypatch):
-    times = iter([[5_000, 9_000], [7_000, 2_000], [6_000, 3_000]])
-    least = beside._least(
-        {"one": lambda pair, clock: clock.wall.extend(next(times))}, [0]
-    )
-    assert least["one"].tolist() == [5.0, 2.0]
+def test_the_least_of_all_passes_counts():
+    passes = iter([[5_000, 9_000], [7_000, 2_000], [6_000, 3_000]])
+
+    def run(pair, clock):
+        clock.wall.extend(next(passes))
+        return [True, len(clock.wall) and clock.wall[1] != 2_000]
+
+    told = beside._least({"one": run}, [0])
+    assert told.times["one"].tolist() == [5.0, 2.0]
+    assert told.solved["one"].tolist() == [True, False]
+
+
+def test_who_has_no_path_is_told_and_not_taken_for_fast():
+    names = beside._OURS, beside._SIMPLIFIED, beside._RAW
+    names += beside._OURS_KEPT, beside._CHECK
+    times = {name: np.array([10.0, 10.0, 10.0, 10.0]) for name in names}
+    solved = {name: np.array([True, True, True, True]) for name in names}
+    times[beside._OURS][:2], solved[beside._OURS][:2] = 0.1, False  # it gives up
+    times[beside._RAW][3], solved[beside._RAW][3] = 1e6, False
+    rows = beside._rows("these frames", beside.Told(times, solved), asks=True)
+    by_name = {row["name"]: row.get("value") for row in rows}
+    assert by_name[f"... frames with a path: {beside._OURS}"] == 50.0
+    assert by_name[f"... frames with a path: {beside._RAW}"] == 75.0
+    for share in (50, 99):
+        for theirs in (beside._SIMPLIFIED, beside._RAW):
+            name = f"... {beside._OURS}: times faster than {theirs}, p{share}"
+            assert by_name[name] == 1.0
 
 
 def test_without_vamp_one_row_says_so(small_map, monkeypatch):
