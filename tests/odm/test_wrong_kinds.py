@@ -131,7 +131,7 @@ def limits(m, spheres=None, age=0.0, **how):
             "stamp is 1000",
         ),
         (lambda m, p: odm.SeenSettings(policy=np.zeros((2, 2))), "the policy array"),
-        (lambda m, p: odm.Obstacles(capsules=HUGE), "0 or more, up to 1000000"),
+        (lambda m, p: odm.Obstacles(capsules=HUGE), "give 0 to 1000000"),
         (
             lambda m, p: odm.PointCloud(np.zeros((1, 3)), crop=np.array("x")),
             "crop is array('x'",
