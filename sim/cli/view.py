@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sim.record import RunRecord
     from sim.view.page import Show
 
+_SAME_S = 0.005  # times that are told alike [s]
 _FROM = Limits(0.0, 86_400.0, "s")
 # what is often given in place of a recording, and which command shows it
 _OTHERS = {
@@ -84,6 +85,12 @@ def view(request: ViewRequest) -> None:
     check_viewer()
     token = token_for(request.host, request.token)
     shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
+    end = shown.source.span()[1]
+    if request.at > end + _SAME_S:
+        raise BadInput(
+            f"--at is {request.at:g} s, but {request.file} ends at {end:.2f} s; "
+            "give a time before that"
+        )
     listener = listening(request.host, request.port)
     from sim.view.page import Page
 

@@ -71,9 +71,11 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     most is reached.
     """
     fields = zip(
-        ("best quality over all rotations", "rotations reached"),
-        by_position(reach), (style.QUALITY, "viridis"), strict=True,
-    )  # fmt: skip
+        ("best quality", "rotations reached"),
+        ("quality, the best of all rotations", "share of all rotations"),
+        by_position(reach),
+        strict=True,
+    )
     chain, grid = reach.chain, reach.grid
     figure = style.new_figure(
         10.5,
@@ -83,14 +85,14 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     )
     axes = figure.subplots(2, 2)
     share = by_position(reach)[1]
-    for column, (name, values, colours) in enumerate(fields):
+    for column, (name, told, values) in enumerate(fields):
         for axis, normal in zip(axes[:, column], (1, 2), strict=True):
             plane, layer = style.VIEWS[normal][0], fullest_layer(share, normal)
             cut = np.take(values, layer, axis=normal).T
             span = 0.0, max(float(cut.max()), 1e-9)
             cut = np.where(cut > 0.0, cut, np.nan)
             corner = grid.origin[list(plane)]
-            image = style.draw_cut(axis, corner, grid.cell, cut, span, colours)
+            image = style.draw_cut(axis, corner, grid.cell, cut, span)
             axis.plot(0.0, 0.0, "+", color="white", markersize=11, markeredgewidth=3)
             axis.plot(0.0, 0.0, "+", color=style.INK, markersize=9)
             frame = {"textcoords": "offset points", "color": style.INK, "size": 8}
@@ -98,8 +100,10 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
             axis.annotate(chain.frame, (0.0, 0.0), (5, 5), **frame)
             style.space_axes(axis, normal, chain.unit)
             at = grid.origin[normal] + (layer + 0.5) * grid.cell
-            style.set_title(axis, f"{name}, cut at {style.AXES[normal]} = {at:.2f}")
-            style.colour_bar(figure, image, ax=axis, location="right", shrink=0.85)
+            where = f"{style.AXES[normal]} = {at:.2f} {chain.unit}"
+            style.set_title(axis, f"{name}, cut at {where}")
+            place = {"ax": axis, "location": "right", "shrink": 0.85}
+            style.colour_bar(figure, image, told, **place)
     return style.save(figure, path, dpi=110)
 
 

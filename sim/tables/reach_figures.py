@@ -39,12 +39,13 @@ def measured(
     fine = (grid.cell, grid.rotations.n_cells) == (CELL_M, ROTATIONS)
     asked = fine and reach.chain.unit == "m"
     seconds = SECONDS if chain.dof <= 7 else SECONDS_LONG
+    threads = f"{built['threads']} thread{'s' if built['threads'] != 1 else ''}"
     rows = [
         value_row(
             "built in, wall clock",
             built["seconds"],
             "s",
-            f"{built['threads']} threads; of a machine that others use, too",
+            f"{threads}; of a machine that others use, too",
             most=seconds if asked else None,
         ),
         value_row(

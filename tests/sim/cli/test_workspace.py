@@ -8,6 +8,7 @@ from command_line import one_sentence, started
 from small import DATA
 
 from handover import ReachMap, load_reach_map
+from sim.draw import style
 from sim.draw.map_picture import by_position, fullest_layer, write_reach_plot
 
 ARM = str(DATA / "arm3.urdf")
@@ -131,7 +132,7 @@ def test_what_is_no_reach_map_is_left_alone(odm, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["letter.txt"]
 
 
-def test_the_picture_shows_what_the_map_holds(built, tmp_path):
+def test_the_picture_shows_what_the_map_holds(built, tmp_path, monkeypatch):
     reach = load_reach_map(built[0] / "maps/built/reach/arm3")
     best, share = by_position(reach)
     dense = reach.dense().reshape(*reach.grid.shape, -1)
@@ -139,4 +140,12 @@ def test_the_picture_shows_what_the_map_holds(built, tmp_path):
     np.testing.assert_allclose(share, (dense > 0).mean(axis=-1))
     assert fullest_layer(share, 2) == (dense > 0).sum(axis=(0, 1, 3)).argmax()
     assert isinstance(reach, ReachMap)
+    drawn, save = [], style.save
+    monkeypatch.setattr(
+        style, "save", lambda f, *p, **k: drawn.append(f) or save(f, *p)
+    )
     assert write_reach_plot(reach, tmp_path / "a.png").is_file()
+    titles = [axis.get_title(loc="left") for axis in drawn[0].axes[:4]]
+    assert all(title.endswith(f" {reach.chain.unit}") for title in titles)
+    labels = {axis.get_ylabel() for axis in drawn[0].axes[4:]}
+    assert "share of all rotations" in labels

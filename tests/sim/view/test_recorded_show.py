@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from roadmap.errors import BadInput
-from sim.cli import view
+from sim.cli import main, view
 from sim.record import read_record, write_record
 
 pytest.importorskip("viser")
@@ -20,6 +20,14 @@ def test_without_its_map_a_recording_says_what_is_missing(
     assert show.load_map is None and show.robot.name == "crane"
     told = [s for s in show.sentences if "roadmap are not shown" in s]
     assert len(told) == 1 and "--map" in told[0] and view_map.hash[:12] in told[0]
+
+
+def test_a_beginning_after_its_end_is_refused(view_file):
+    typer_testing = pytest.importorskip("typer.testing")
+    asked = ["view", str(view_file), "--at", "99", "--port", "0"]
+    done = typer_testing.CliRunner().invoke(main.app, asked)
+    assert done.exit_code == 2
+    assert f"--at is 99 s, but {view_file} ends at 2.49 s; give" in done.stderr
 
 
 def test_with_its_map_it_has_cells_and_edges(view_file, view_map, tmp_path):
