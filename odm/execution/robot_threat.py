@@ -110,7 +110,7 @@ def intent_threat(
         BadInput: Arguments of another kind, or a pose that is not rigid.
     """
     check_kind("spheres", spheres, RobotSpheres, _SPHERES)
-    check_kind("intent", intent, tuple, _INTENT)
+    check_kind("intent", intent, (tuple, list), _INTENT)
     for stretch in intent:
         check_kind("a part of intent", stretch, Stretch, _INTENT)
     settings = IntentSettings()

@@ -34,8 +34,10 @@ Radii. A tracker that does not see a part leaves it where it was, and lets its r
 grow as fast as it may come. Its velocity is 0 then, and that of nobody. Where a radius
 has grown since the frame before, it is taken to go on growing at that rate w, up to
 the largest plausible speed: w t is added to R(t). So a part that is within r of where
-it is shown, and no faster than w, is held at all times. One that shrinks, as a part
-that is seen again does, is taken to keep its size.
+it is shown, and no faster than w, is held at all times. One that shrinks by d, as a
+part that is seen again does, is taken to keep its size from now on. It was within d of
+where it was shown, so d / W is added to the error of its velocity; where that makes as
+much as `speed`, its velocity is not known.
 
 Left alone. An object that stands where nobody can reach it within a time T has not been
 accelerated for as long as that was so, and is not within T. Its velocity was the same
@@ -479,7 +481,7 @@ class Watcher:
         self._limits = np.array([s.noise, s.acceleration, *plausible])
         self._window = s.window
         self._past: deque[tuple[float, np.ndarray]] = deque()
-        self._radii = np.zeros(0)  # of the frame before [m]
+        self._radii: deque[np.ndarray] = deque()  # of the same frames [m]
         self._count = np.zeros(0, np.int64)  # frames each part was followed for
         self._rates = np.zeros((2, 0, 2, 3))  # velocity now, and drift [m/s]
         self._slack = np.zeros(0)  # bound on the errors of the first [m/s]
@@ -517,9 +519,9 @@ class Watcher:
             if np.array_equal(capsules, told.capsules):
                 return replace(told, age=age)
         ends = np.ascontiguousarray(capsules[:, :6])  # one layout, one compiled loop
-        self._follow(ends.reshape(-1, 2, 3), now)
+        self._follow(ends.reshape(-1, 2, 3), capsules[:, 6], now)
         self._measure(now)
-        grown = self._grown(capsules[:, 6])
+        grown = self._grown()
         sure = self._count >= self.follow.confirmed
         rates, error = self._rates, self._slack  # others in the next frame
         if not sure.all():
@@ -539,10 +541,12 @@ class Watcher:
         )
         return self._told
 
-    def _grown(self, radii: np.ndarray) -> np.ndarray | None:
+    def _grown(self) -> np.ndarray | None:
         """Return (k,) how fast the radii grow [m/s]; None where none does."""
-        before, self._radii = self._radii, radii
-        if len(self._past) < 2 or not (radii > before + _STEADY).any():
+        if len(self._past) < 2:
+            return None
+        before, radii = self._radii[-2], self._radii[-1]
+        if not (radii > before + _STEADY).any():
             return None
         passed = self._past[-1][0] - self._past[-2][0]
         grown = np.maximum(radii - before, 0.0) / passed
@@ -563,7 +567,7 @@ class Watcher:
             self._fastest, passed, speed = (now, fastest), 0.0, fastest
         return speed + self.settings.acceleration * passed
 
-    def _follow(self, ends: np.ndarray, now: float) -> None:
+    def _follow(self, ends: np.ndarray, radii: np.ndarray, now: float) -> None:
         """Take a frame: which parts are those of the frame before?"""
         past = self._past
         longest = max(self.follow.drift_s, self._window) + 1e-9
@@ -576,10 +580,13 @@ class Watcher:
             self._count = count
         else:
             past.clear()
+            self._radii.clear()
             self._count = np.ones(len(ends), np.int64)
         past.append((now, ends))
+        self._radii.append(radii)
         while len(past) > 2 and now - past[0][0] > longest:
             past.popleft()
+            self._radii.popleft()
 
     def _measure(self, now: float) -> None:
         """Take the velocities of all parts: the best bounded ones, and the drift."""
@@ -608,3 +615,18 @@ class Watcher:
             self._rates[:, these] = rates
             self._slack[these] = s.velocity_error(window)
             self._windows[these] = window
+            shrunk = self._radii[i] - self._radii[last]
+            if (shrunk > _STEADY).any():  # some are seen again
+                self._saw_again(these, np.maximum(shrunk, 0.0) / window)
+
+    def _saw_again(self, these: np.ndarray | slice, error: np.ndarray) -> None:
+        """Count with how wrong the velocities of parts are that were not seen.
+
+        Args:
+            these: Parts that were measured over the same time.
+            error: (k,) by how much that of each part is [m/s].
+        """
+        self._slack[these] += error[these]
+        unknown = np.zeros(len(error), bool)
+        unknown[these] = error[these] >= self.settings.speed
+        self._count[unknown] = 1

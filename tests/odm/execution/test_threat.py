@@ -520,6 +520,28 @@ def test_a_part_that_is_not_seen_is_held_wherever_it_may_have_come(rate, rng):
     assert without > 0.05
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+@pytest.mark.parametrize("rate", [20, 50, 100])
+def test_a_part_that_is_seen_again_is_held(rate, noise, rng):
+    """It goes on as it did: that it seems to rest and to jump meanwhile is no speed."""
+    known = 0
+    for _ in range(30):
+        v, missed = within(rng, 1.5), int(rng.integers(1, 5))
+        watcher = Watcher(ThreatSettings(noise=noise))
+        for k in range(20):
+            place = np.array([0.3, 0.0, 0.4]) + k / rate * v
+            row = np.array([[*place, *place, 0.05]])
+            if 5 <= k < 5 + missed:
+                row = shown(k / rate, 4 / rate, v, growing=2.0)
+            threat = watcher.look(row, k / rate)
+            for t in (0.02, 0.1, 0.3):
+                there, more = threat.between(t, t)
+                far = np.linalg.norm(place + t * v - there.capsules[0, :3]) + 0.05
+                assert far <= there.capsules[0, 6] + more + 1e-9, (k, missed, v)
+        known += threat.known.all()
+    assert known == 30
+
+
 def test_a_part_that_nobody_has_seen_yet_comes_as_fast_as_it_grows():
     """Not as fast as parts of unknown speed do, where that is less."""
     watcher, v = Watcher(), np.array([3.9, 0.0, 0.0])
