@@ -754,11 +754,12 @@ class ReactivePlanner:
 
     def _setting(self) -> dict[str, bytes]:
         """Return what a memory is good for, by what it is called in messages."""
+        rules = self.settings, self.always_replan, self._tight.used
         thing = self.frame.thing
         hand = () if thing is None else (thing.spheres, thing.shell)
         return {
             "map": _told_apart(self.cell_map),
-            "settings": repr((self.settings, self.always_replan)).encode(),
+            "settings": repr(rules).encode(),
             "base": self.world.T_world_base.tobytes(),
             "place": self.scene.identity(),
             "hand": b"".join(part.tobytes() for part in hand),

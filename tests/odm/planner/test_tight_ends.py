@@ -13,6 +13,7 @@ from odm.exact.distances import ExactRobot, obstacles_of
 from odm.execution.executor import Executor
 from odm.frame.link_test import LinkTest
 from odm.planner.saved_memory import differences
+from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 
 TIGHT = odm.PlannerSettings(tight_ends=True)
@@ -185,3 +186,19 @@ def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
     planner.step(nobody, q=q)
     assert not planner.step(nobody, q=q).by_links
     assert (planner.goals == [goal, q]).all()
+
+
+def test_who_does_without_takes_up_no_memory_that_holds_them(robot, rng):
+    planner, exact = robot
+    q, shape = next(tight(planner, exact, rng, "shape"))
+    planner.reset()
+    planner.set_goals([np.zeros(2)])
+    assert ask(planner, shape, "shape", q).by_links
+    saved = planner.save_memory()
+    other = odm.ReactivePlanner(planner.cell_map, settings=TIGHT)
+    Executor(other.robot, other, q, 0.01)
+    with pytest.raises(BadInput, match="another settings"):
+        other.load_memory(saved)
+    other.use_tight_ends(True)
+    other.load_memory(saved)
+    assert tell(other, shape, "shape", q).by_links
