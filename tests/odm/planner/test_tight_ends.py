@@ -185,3 +185,19 @@ def test_memory_holds_them_and_whoever_stops_does_without(robot, rng):
     planner.step(nobody, q=q)
     assert not planner.step(nobody, q=q).by_links
     assert (planner.goals == [goal, q]).all()
+
+
+def test_a_place_beside_is_not_reached_through_what_stands_still(robot, rng):
+    planner, _ = robot
+    T, outer = np.eye(4), sphere_centers(planner.robot, draw_valid(planner, rng))[-1]
+    T[:3, 3] = outer
+    planner.scene.add("post", odm.Sphere(0.05), T)
+    reached, refused = 0, 0
+    for _ in range(100):
+        q, to = draw_valid(planner, rng), draw_valid(planner, rng)
+        planner.step(np.zeros((0, 3)), q=q)  # nobody is about
+        free = planner.static.motion_free(q, to - q)
+        assert planner._tight._passes(q, to) == free
+        reached, refused = reached + free, refused + (not free)
+    planner.scene.remove("post")
+    assert reached and refused
