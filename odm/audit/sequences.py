@@ -350,21 +350,26 @@ class Sequence:
 
     def _shift(self, q: np.ndarray, gap: float) -> None:
         """Move the obstacles straight until they are so far from the cover at q [m]."""
-        robot, capsules = self.robot, self.world.capsules
-        centers = sphere_centers(robot, q)[robot.moving]
-        radii = robot.spheres[robot.moving, 3]
+        capsules = self.world.capsules
         points = sample_capsules(capsules, SPACING)
         if self.world.mode in SHAPES:
             parts = [surface_of(s, SPACING).points for s in self.world.others]
             points = np.concatenate([points, *parts])
+        step = self._step_to(points, q, gap)
+        capsules[:, :3] += step
+        capsules[:, 3:6] += step
+        self._carry_others(step)
+
+    def _step_to(self, points: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
+        """Return (3,) by which points come to be so far from the cover at q [m]."""
+        robot = self.robot
+        centers = sphere_centers(robot, q)[robot.moving]
+        radii = robot.spheres[robot.moving, 3]
         away = points[:, None] - centers
         length = np.linalg.norm(away, axis=2)
         i, k = np.unravel_index(np.argmin(length - radii), length.shape)
         now = length[i, k] - radii[k]
-        step = (gap - now) / max(float(length[i, k]), 1e-9) * away[i, k]
-        capsules[:, :3] += step
-        capsules[:, 3:6] += step
-        self._carry_others(step)
+        return (gap - now) / max(float(length[i, k]), 1e-9) * away[i, k]
 
     def _carry_others(self, step: np.ndarray) -> None:
         """Move the other obstacles straight [m]."""
@@ -409,15 +414,25 @@ class Sequence:
         self.judge.changed()
 
     def scenery(self) -> None:
-        """Put things around what lies ahead, by name or for good, or take all away."""
+        """Put things around what lies ahead, by name or for good, or take all away.
+
+        One in two stands as near to it as it just may: the robot may leave its path.
+        """
         rng = self.rng
         self.world.things, self.world.named = [], bool(rng.random() < 0.5)
+        keep = self.planner.frame.keep_from_shapes
+        keep += 0.0 if self.world.named else self.world.rho
         if rng.random() < 0.8:
-            centers = sphere_centers(self.robot, self._ahead())[self.robot.moving]
+            q = self._ahead()
+            centers = sphere_centers(self.robot, q)[self.robot.moving]
             for _ in range(int(rng.integers(1, 4))):
                 away = rng.normal(size=3)
                 away *= rng.uniform(0.1, 0.5) / max(float(np.linalg.norm(away)), 1e-9)
                 thing = self.draw_shape(centers[rng.integers(len(centers))] + away)
+                if rng.random() < 0.5:
+                    gap = keep + 10.0 ** rng.uniform(-4.0, -2.0)
+                    points = surface_of(thing, 0.5 * SPACING).points
+                    thing = thing.moved(pose_of(self._step_to(points, q, gap)))
                 # they stand in the world
                 self.world.things.append(thing.moved(self.world.T_world_base))
         self._set_scenery()

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from odm import (
+    Capsule,
     CellMap,
     DepthCamera,
     PlannerSettings,
@@ -15,6 +16,8 @@ from odm import (
     load_map,
 )
 from odm.cameras import look_at
+from odm.exact.distances import ExactRobot, obstacles_of
+from roadmap.errors import BadInput
 from roadmap.kinematics.forward import sphere_centers
 from sim.bench.clock import Clock
 from sim.bench.core.camera_scene import HandBeside, far_box, person_at
@@ -25,6 +28,7 @@ from sim.tables.table import TRUTH, value_row
 SIZE, FOCAL = (640, 480), 476.0
 ASKED_US = 3000.0
 VALID = (50_000, 80_000)  # readings of an image that the figure is asked for
+CLEAR = 0.15  # [m] from the person, where the robot stands and is to go
 CUT = 1.35  # times the distance of the base: readings beyond it are none
 
 
@@ -51,7 +55,7 @@ def run(
     frames = 20 if short else 400
     reach = float(cell_map.grid.upper[0] - cell_map.grid.origin[0]) / 2.0
     cameras = [_camera(reach, side) for side in (0.45, -1.2)]
-    q = 0.5 * (cell_map.robot.lower + cell_map.robot.upper)
+    q, goal = free_places(cell_map, reach, seed)
     tell("images of a robot and a person")
     images = _images(cell_map, cameras, q, reach, seed, 6 if short else 24)
     settings = SeenSettings(d_self=0.005)
@@ -63,7 +67,7 @@ def run(
     ):
         tell(name)
         rows += _measure(
-            name, cell_map, cameras[:used], [i[:used] for i in images[kept]], q,
+            name, cell_map, cameras[:used], [i[:used] for i in images[kept]], (q, goal),
             settings, frames, asked,
         )  # fmt: skip
     tell("a hand beside the robot")
@@ -126,15 +130,16 @@ def _measure(
     cell_map: CellMap,
     cameras: list[DepthCamera],
     images: list[list[np.ndarray]],
-    q: np.ndarray,
+    ends: tuple[np.ndarray, np.ndarray],
     settings: SeenSettings,
     frames: int,
     asked: dict[str, float],
 ) -> list[dict]:
+    q, goal = ends
     space = SeenSpace(cell_map, cameras, settings)
     planner = ReactivePlanner(cell_map, settings=PlannerSettings(history_s=0.0))
-    planner.set_goals([np.array(cell_map.roadmap.nodes[-1])])
-    clock, plan = Clock(), Clock()
+    planner.set_goals([goal])
+    clock, plan, answered = Clock(), Clock(), []
     valid, points, kept = [], [], []
     order = list(range(len(images))) + list(range(len(images) - 2, 0, -1))
     for k in range(-len(order), frames):
@@ -144,7 +149,9 @@ def _measure(
             planner.step(seen.points, q=q, covering_radius=seen.covering_radius)
             continue
         seen = clock(space.update, shown, q, 0.033 * (k + len(order)))
-        plan(planner.step, seen.points, q=q, covering_radius=seen.covering_radius)
+        radius = seen.covering_radius
+        answer = plan(planner.step, seen.points, q=q, covering_radius=radius)
+        answered.append(len(answer.path) > 0)
         valid.append(seen.readings["valid"])
         points.append(len(seen.points))
         kept.append(space.counts()["remembered"])
@@ -161,7 +168,36 @@ def _measure(
     rows.append(
         plan.row(f"... {name}points -> answer", "planner.step with history_s=0")
     )
+    share = 100.0 * float(np.mean(answered))
+    rows.append(value_row(f"... {name}frames with a path", share, "%"))
     return rows
+
+
+def free_places(
+    cell_map: CellMap, reach: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the robot stands and where it is to go, (dof,) each.
+
+    Both farther than CLEAR from the person at all times, by exact geometry, so that its
+    frames are no holds of a robot in contact: the middle of its limits, or nodes.
+    """
+    robot, exact = cell_map.robot, ExactRobot(cell_map.robot)
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, 3)
+    people = [person_at(reach, 2 * np.pi * k / 12 + phase) for k in range(12)]
+    rods = np.unique(np.concatenate(people), axis=0)
+    about = obstacles_of([Capsule.between(r[:3], r[3:6], r[6]) for r in rods])
+    static, found = ReactivePlanner(cell_map).static, []
+    for q in (0.5 * (robot.lower + robot.upper), *np.array(cell_map.roadmap.nodes)):
+        if not static.motion_free(q, np.zeros_like(q)):
+            continue
+        if exact.distance(q, about, cap=2 * CLEAR).distance > CLEAR:
+            found.append(q)
+        if len(found) == 2:
+            return found[0], found[1]
+    raise BadInput(
+        f"{robot.name} has no two nodes {100 * CLEAR:g} cm from a person beside it; "
+        "measure with a larger map, or another robot"
+    )
 
 
 def _hand_rows(cell_map: CellMap, settings: SeenSettings, reach: float) -> list[dict]:

@@ -302,15 +302,20 @@ def _rows(found: list[Asked], judge: Judge) -> list[dict]:
     for world in ("shapes", CLOUD):
         mine, other = (_joined(found, name, world) for name in (first, theirs))
         if mine.cpu and other.cpu:
-            note = (
-                "CPU time of odm, replanned, and of OMPL, on the frames both were asked"
-            )
-            both = set(mine.asked) & set(other.asked)
-            ratio = _median_in(other, both) / _median_in(mine, both)
+            note = "CPU time of odm, replanned, and of OMPL, in frames both have a path"
+            both = _solved_by(mine) & _solved_by(other)
+            ratio = np.nan
+            if both:
+                ratio = _median_in(other, both) / _median_in(mine, both)
             name = f"times faster than OMPL RRT-Connect with python-fcl, p50, {world}"
             least = {"least": FASTER} if world == "shapes" else {}
             rows.append(value_row(name, ratio, "", note, **least))
     return rows
+
+
+def _solved_by(one: Asked) -> set[tuple[int, int]]:
+    """Return the frames in which there was a path, by case and number."""
+    return {at for at, got in zip(one.asked, one.solved, strict=True) if got}
 
 
 def _median_in(one: Asked, frames: set[tuple[int, int]]) -> float:

@@ -202,3 +202,19 @@ def test_who_does_without_takes_up_no_memory_that_holds_them(robot, rng):
     other.use_tight_ends(True)
     other.load_memory(saved)
     assert tell(other, shape, "shape", q).by_links
+
+
+def test_a_place_beside_is_not_reached_through_what_stands_still(robot, rng):
+    planner, _ = robot
+    T, outer = np.eye(4), sphere_centers(planner.robot, draw_valid(planner, rng))[-1]
+    T[:3, 3] = outer
+    planner.scene.add("post", odm.Sphere(0.05), T)
+    reached, refused = 0, 0
+    for _ in range(100):
+        q, to = draw_valid(planner, rng), draw_valid(planner, rng)
+        planner.step(np.zeros((0, 3)), q=q)  # nobody is about
+        free = planner.static.motion_free(q, to - q)
+        assert planner._tight._passes(q, to) == free
+        reached, refused = reached + free, refused + (not free)
+    planner.scene.remove("post")
+    assert reached and refused

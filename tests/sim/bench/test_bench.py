@@ -12,7 +12,8 @@ from roadmap.errors import BadInput
 from sim.bench import frames
 from sim.bench.clock import Clock, time_row
 from sim.bench.command import markdown_of
-from sim.bench.core import build, frame_rows, latency, map_rows, walled
+from sim.bench.core import build, camera, frame_rows, latency, map_rows, walled
+from sim.bench.core.camera_scene import person_at
 from sim.bench.rivals import baselines, lengths, ompl
 from sim.bench.rivals.compiled_search import CompiledSearch
 from sim.bench.rivals.fcl_search import FclSearch
@@ -203,6 +204,17 @@ def test_all_frames_of_what_is_walled_in_hold(saved, pairs):
 def test_a_camera_cloud_has_the_points_it_is_said_to_have(pairs, rng):
     cloud = map_rows.camera_cloud(pairs[0].capsules[0], rng)
     assert cloud.shape == (map_rows.CLOUD, 3) and np.isfinite(cloud).all()
+
+
+def test_the_robot_before_a_camera_stands_clear_of_the_person(saved):
+    q, goal = camera.free_places(saved, 1.0, seed=0)
+    exact = frames.ExactRobot(saved.robot)
+    phase = np.random.default_rng(0).uniform(0, 2 * np.pi, 3)
+    for k in range(12):
+        about = frames.shapes(person_at(1.0, 2 * np.pi * k / 12 + phase))
+        for place in (q, goal):
+            assert not exact.collides(place, about, 0.99 * camera.CLEAR)
+    assert not np.array_equal(q, goal)
 
 
 def test_the_short_bench_reports_every_row_as_plain_data(map_dir):

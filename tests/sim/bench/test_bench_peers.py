@@ -246,6 +246,20 @@ def test_a_peer_without_a_path_has_a_row_without_a_length():
     assert row[1] == "2" and row[5] == "0 %" and row[6] == "-" and row[8] == "0/0"
 
 
+def test_who_gives_up_at_once_is_not_taken_for_fast():
+    mine, other = (
+        Asked(name, "sweep", "shapes")
+        for name in ("odm, replanned", "OMPL RRT-Connect")
+    )
+    for one in (mine, other):
+        one.asked, one.lengths = [(0, 1), (0, 2), (0, 3)], [1.0]
+    mine.cpu, mine.solved = [0.1, 0.1, 10.0], [False, False, True]
+    other.cpu, other.solved = [1e4, 1e4, 1e4], [True, True, True]
+    rows = peers._rows([mine, other], SimpleNamespace(checks=0))
+    (ratio,) = (row for row in rows if "times faster" in row["name"])
+    assert ratio["value"] == pytest.approx(1e3)
+
+
 @pytest.mark.parametrize("collides", [False, True])
 def test_a_contact_that_nothing_beside_it_bears_out_is_none(collides):
     q = np.array([0.3, -0.2])
