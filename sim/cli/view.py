@@ -85,12 +85,13 @@ def view(request: ViewRequest) -> None:
     check_viewer()
     token = token_for(request.host, request.token)
     shown = recorded_show(request) if request.file else _map_alone(request.map_dir)
-    end = shown.source.span()[1]
-    if request.at > end + _SAME_S:
-        raise BadInput(
-            f"--at is {request.at:g} s, but {request.file} ends at {end:.2f} s; "
-            "give a time before that"
-        )
+    if request.file:
+        end = shown.source.span()[1]
+        if request.at > end + _SAME_S:
+            raise BadInput(
+                f"--at is {request.at:g} s, but {request.file} ends at {end:.2f} s; "
+                "give a time before that"
+            )
     listener = listening(request.host, request.port)
     from sim.view.page import Page
 
