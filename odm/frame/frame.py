@@ -316,7 +316,8 @@ class Frame:
         self.n_given = len(points)
         if self.obstacles is None:
             return self._take_points(points, stamp, now, q)
-        self._shape_classes = self.obstacles.shape_classes.tobytes()
+        classes = self.obstacles.told_classes
+        self._shape_classes = b"" if classes is None else classes.tobytes()
         if self.watch.seen_inside is not None and self._kept is self.points:
             self._buffer = 1 - self._buffer
         return self._take_shapes(points, stamp, now, q)
@@ -339,7 +340,8 @@ class Frame:
             self.asked(q)
         if self.step_again is None:
             self.step_again = compiled_step_again(self.memory.table.dtype)
-        self._shape_classes = obstacles.shape_classes.tobytes()
+        classes = obstacles.told_classes
+        self._shape_classes = b"" if classes is None else classes.tobytes()
         said = self.step_again(self.memory.table, self.q_taken)
         if said != _NOT_ASKED:
             self.trouble = None
@@ -644,6 +646,8 @@ class Frame:
     def solid_classes(self) -> np.ndarray:
         """(k,) classes of the frame's shapes, all odm.AVOID where none were told."""
         n = self.memory.solids.count.item()
+        if not self._shape_classes:
+            return np.zeros(n, np.int8)
         return np.frombuffer(self._shape_classes, np.int8)[:n]
 
     @property

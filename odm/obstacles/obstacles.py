@@ -127,7 +127,7 @@ class Obstacles:
         self._points = _NO_POINTS
         if points is not None:
             self.points = points
-        self._shape_classes = np.zeros(self._size, np.int8)
+        self._shape_classes: np.ndarray | None = None
         self.labels = labels
         self.classes: np.ndarray | None = None
         if classes is not None:
@@ -156,7 +156,7 @@ class Obstacles:
         self._size = n = len(rows)
         self._counts = np.array([n, 0, 0, 0, 0])
         self._hulls, self._data = (), rows.ravel()
-        self._shape_classes = np.zeros(n, np.int8)
+        self._shape_classes = None
         self._labels: dict[str, Sequence[str]] = {}
         self.classes = None
 
@@ -228,9 +228,13 @@ class Obstacles:
         doc="Names of the shapes by kind; a mapping, or None for none.",
     )
     shape_classes = property(
-        attrgetter("_shape_classes"),
+        lambda self: self._lend_classes(),
         lambda self, classes: self._take_classes(classes),
         doc="(k,) int8 classes of all shapes, kind after kind; may be written into.",
+    )
+    told_classes = property(
+        attrgetter("_shape_classes"),
+        doc="The same; None where nobody has asked for them: all are AVOID.",
     )
     meshes = property(
         attrgetter("_hulls"), doc="The meshes as `Hull`, each in its own frame."
@@ -257,10 +261,13 @@ class Obstacles:
     def _take_labels(self, labels: object) -> None:
         self._labels = self._by_kind("labels", labels, KINDS)
 
+    def _lend_classes(self) -> np.ndarray:
+        if self._shape_classes is None:
+            self._shape_classes = np.zeros(self._size, np.int8)
+        return self._shape_classes
+
     def _take_classes(self, classes: object) -> None:
-        n = self._size
-        checked = check_classes(classes, n)
-        self._shape_classes = np.zeros(n, np.int8) if checked is None else checked
+        self._shape_classes = check_classes(classes, self._size)
 
     def _write(self, kind: str, rows: np.ndarray) -> None:
         there = getattr(self, "_" + kind)

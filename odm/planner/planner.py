@@ -469,7 +469,9 @@ class ReactivePlanner:
                 takes 4 to 100 ms.
         """
         begun, frame = perf_counter_ns(), self.frame
-        said, closed = None, check_yes("closed", closed)
+        said = None
+        if closed is not False:
+            closed = check_yes("closed", closed)
         if (
             points is frame.again
             and dq is labels is stamp is now is None
