@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number, is_between
+from roadmap.ranges import check_number, is_between, told
 from roadmap.transforms import check_pose, moved_points, pose_with
 
 NO_READING = (0, 65535)  # pixel values that are no depths
@@ -69,7 +69,7 @@ class DepthCamera:
         for key, (low, high, wanted) in _LIMITS.items():
             value, kind = getattr(self, key), int if key in _SIDES else float
             if not is_between(value, low, high) or kind(value) != value:
-                raise BadInput(f"{key} {value} of {self.name} must be {wanted}")
+                raise BadInput(f"{key} {told(value)} of {self.name} must be {wanted}")
             object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         _vector(pose[:3, 3], f"the place of {self.name}")
@@ -82,8 +82,9 @@ class DepthCamera:
         most = self.scale * (NO_READING[1] - 1)
         if not (is_between(self.clear_m, 0.0, most) and self.clear_m > 0.0):
             raise BadInput(
-                f"clear_m {self.clear_m} of {self.name} must be a depth above 0 and up "
-                f"to {most:g} m, the largest of a pixel; None where 65535 tells nothing"
+                f"clear_m {told(self.clear_m)} of {self.name} must be a depth above 0 "
+                f"and up to {most:g} m, the largest of a pixel; give None where 65535 "
+                "tells nothing"
             )
         object.__setattr__(self, "clear_m", float(self.clear_m))
 
@@ -226,11 +227,12 @@ def look_at(
 
 def _vector(value: object, name: str) -> np.ndarray:
     try:
-        row = np.asarray(value, float)
-    except (TypeError, ValueError, OverflowError):
+        row = as_floats(name, value)
+    except BadInput:
         row = np.zeros(0)
     if row.shape != (3,) or (np.abs(row) > MOST_NUMBER).any():
         raise BadInput(
-            f"{name} is {value!r}; give three numbers up to {MOST_NUMBER:g}, base frame"
+            f"{name} is {told(value)}; give three numbers up to {MOST_NUMBER:g}, base "
+            "frame"
         )
     return row
