@@ -27,6 +27,7 @@ CELL_NAMES = (
 )  # fmt: skip
 _READINGS = ("valid", "own", "flying", "outside", "clear")  # as they are counted
 _NO_FOURS = np.zeros((0, 0), np.uint64)
+_LATE_S = 0.3  # [s] images that are as old came late; older ones have another clock
 _UNFIT = np.full((1, 3), np.nan)  # a frame of it holds the robot
 
 
@@ -212,16 +213,17 @@ class SeenSpace:
         if last is None:
             self._newest = stamp
             return None
-        if stamp < last:
+        passed = stamp - self._newest
+        # one of several that come late, in order maybe, knows less than the newest
+        is_late = 0.0 < -passed <= max(self.settings.memory_s, _LATE_S)
+        if stamp < last or is_late:
+            behind = -passed if is_late else last - stamp
             return (
-                f"the images are stamped {1e3 * (last - stamp):.0f} ms before the last "
-                "ones, so what is remembered has no age; deliver images in order, by "
+                f"the images are stamped {1e3 * behind:.0f} ms before the last ones, "
+                "so they do not tell what is there now; deliver images in order, by "
                 "one clock"
             )
-        passed = stamp - self._newest
-        if passed < 0.0 and -passed <= self.settings.memory_s:
-            return None  # one of several that came late: it ages nothing
-        # below 0 the clock was set back by more than is remembered, and goes on
+        # below 0 the clock was set back by more than that, and goes on
         self._clock += passed if passed >= 0.0 else stamp - last
         self._newest = stamp
         return None
