@@ -25,12 +25,17 @@ def test_the_example_runs(small_map):
         "image": picture(view, [], small_map.robot, HOME),
         "q_now": HOME,
         "stamp": 0.0,
+        "now": 0.03,
     }
     exec("\n".join(lines[:3]), known)
     known["planner"].set_goals([AWAY])
     exec("\n".join(lines[3:]), known)
     assert known["answer"].status == "replanned"
     assert known["answer"].certified == known["seen"].certified
+    known["now"] = 0.15  # the camera says nothing any more
+    exec(lines[4], known)
+    assert known["answer"].status == "holding"
+    assert "150 ms old" in known["answer"].reason
 
 
 def test_an_image_with_nothing_far_off_is_read_as_told():
