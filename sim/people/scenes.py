@@ -5,18 +5,18 @@ work places, so that on the way from the first to the second the state that the 
 is named after has to occur. How a hand moves is then a script as any other.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person, Round
 from sim.people.human_motion import HumanMotion, Together, motion_names, register_motion
-from sim.people.placed import Placed, turned
+from sim.people.placed import Placed
 
 TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
 SHOULDER = (0.45, 0.15, 0.25)  # from the tool: outward, to the left, up [m]
@@ -86,7 +86,8 @@ class Stand:
     def capsules(self, outward: float) -> np.ndarray:
         """Return the arm with its hand there as (2, 7) capsules in the base [m]."""
         script = Round(self.person, self.at(outward), 1.0)
-        return turned(self.person.capsules(script.home), self.yaw)
+        turn = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, self.yaw))
+        return moved_rods(self.person.capsules(script.home), turn)
 
     def gap(self, outward: float) -> float:
         """Return how far an arm whose hand is there is from the robot [m]."""
@@ -216,12 +217,8 @@ def make_scene(name: str, person: Person | None = None) -> Scene:
     return staged(name, person, waiting, goal)
 
 
-def _source(name: str) -> Callable[[Person, np.random.Generator], Scene]:
-    return lambda person, rng: make_scene(name, person)
-
-
 for _name in SCENES:
-    register_motion(_name, _source(_name))
+    register_motion(_name, lambda person, rng, name=_name: make_scene(name, person))
 
 
 def before_work_places(
