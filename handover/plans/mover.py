@@ -221,6 +221,20 @@ class Mover:
         space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
         self._moved()
 
+    def stand(
+        self, q_other: np.ndarray, T_world_object: np.ndarray, touching: bool = False
+    ) -> None:
+        """Let the other arm and the object stand; may hands be `touching` it?"""
+        self.put_other(q_other)
+        self.put_object(T_world_object)
+        if touching:
+            self.let_touch()
+
+    def carry(self, q_other: np.ndarray, T_palm_object: np.ndarray) -> None:
+        """Let the other arm stand, and the hand hold the object."""
+        self.put_other(q_other)
+        self.hold(T_palm_object)
+
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
         held = np.ascontiguousarray(T_palm_object, float).tobytes()

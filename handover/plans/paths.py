@@ -83,9 +83,7 @@ class Paths:
         self.mover, self.home, self.settings = mover, home, settings
         self.clock = clock
         self._trees = _trees(mover.limb.dof)
-        self._arm = None
-        if mover.limb.seven is not None:
-            self._arm = solver_of(mover.limb)
+        self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
         self._chain = mover.limb.chain.arrays
         self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
