@@ -272,9 +272,8 @@ def _repeat_story(
             f"odm: the replay of {path} differs from frame {frame} on", file=sys.stderr
         )
         raise typer.Exit(1)
-    told = found.head["outcome"]
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
-    print(f"story_sha256 {told['story_sha256']}")
+    print(f"story_sha256 {found.head['outcome']['story_sha256']}")
 
 
 def _pads_of(head: dict) -> list[str]:
