@@ -174,12 +174,9 @@ class MotionPlanner:
         g, trouble, found = chosen.grasp_giver, None, False
         wide = self.pair.of_giver.preshape[g]
         for slanted in (False, True):
-            every = self.giver.postures(chosen.q_start, wide, self.giver.home)
-            for k in range(self.settings.postures + 1):
-                self._put_giver_at_start(touching=True)
-                q = next(every, None)
-                if q is None:
-                    break
+            every = self.giver.postures(chosen.q_start, wide)
+            most, put = self.settings.postures + 1, self._put_giver_at_start
+            for k, q in enumerate(_put_before(every, most, put)):
                 try:
                     pre, line, up = self._pick(g, q, slanted)
                 except Blocked as blocked:
@@ -234,15 +231,11 @@ class MotionPlanner:
 
         All with one posture of the receiver, and some of the giver.
         """
-        pair, trouble = self.pair, None
-        tries = self.settings.meetings if hard else 1
-        wide = pair.of_receiver.preshape[chosen.grasp_receiver]
-        every = self.receiver.postures(chosen.q_receiver, wide, self.receiver.home)
-        for _ in range(tries):
-            self._put_receiver_to_take(chosen, chosen.q_giver, touching=True)
-            q_receiver = next(every, None)
-            if q_receiver is None:
-                break
+        trouble, tries = None, self.settings.meetings if hard else 1
+        wide = self.pair.of_receiver.preshape[chosen.grasp_receiver]
+        put = partial(self._put_receiver_to_take, chosen, chosen.q_giver)
+        every = self.receiver.postures(chosen.q_receiver, wide)
+        for q_receiver in _put_before(every, tries, put):
             try:
                 if not hard:  # what fails most often comes first
                     self._release(chosen, chosen.q_giver, q_receiver)
@@ -259,13 +252,12 @@ class MotionPlanner:
         self, chosen: HandoverChoice, q_receiver: np.ndarray, taken: tuple, tries: int
     ) -> list[_Meeting]:
         """Return how the giver leaves the object to the receiver."""
-        pair, trouble, met = self.pair, None, []
-        wide = pair.of_giver.preshape[chosen.grasp_giver]
-        every = self.giver.postures(chosen.q_giver, wide, self.giver.home)
-        for _ in range(tries):
-            self._put_giver_to_leave(chosen, q_receiver, touching=True)
-            q_giver = next(every, None)
-            if q_giver is None or len(met) == self.settings.starts:
+        trouble, met = None, []
+        wide = self.pair.of_giver.preshape[chosen.grasp_giver]
+        put = partial(self._put_giver_to_leave, chosen, q_receiver)
+        every = self.giver.postures(chosen.q_giver, wide)
+        for q_giver in _put_before(every, tries, put):
+            if len(met) == self.settings.starts:
                 break
             try:
                 left = self._release(chosen, q_giver, q_receiver)
@@ -432,6 +424,17 @@ class MotionPlanner:
             raise
         self._known[key] = path, budget, None
         return path
+
+
+def _put_before(
+    every: Iterator[np.ndarray], most: int, put: Callable[..., None]
+) -> Iterator[np.ndarray]:
+    """Yield so many of some postures; before each, all else is put where it is."""
+    for _ in range(most):
+        put(touching=True)
+        if (q := next(every, None)) is None:
+            return
+        yield q
 
 
 def _grasped(

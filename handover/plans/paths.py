@@ -250,20 +250,18 @@ class Paths:
             )
         return free
 
-    def postures(
-        self, q: np.ndarray, wide: np.ndarray, near: np.ndarray
-    ) -> Iterator[np.ndarray]:
+    def postures(self, q: np.ndarray, wide: np.ndarray) -> Iterator[np.ndarray]:
         """Yield q, then other free joints with the same pose of the palm.
 
         Args:
             q: (dof,) with the hand closed.
-            wide: (k,) fingers of the open hand, which must be free, too.
-            near: (dof,) the others come in the order of how far they are from here.
+            wide: (k,) fingers of the open hand, which must be free, too. The others
+                come in the order of how far they are from where the arm waits.
         """
         yield q
         n = self.mover.limb.n_arm
         found = self._postures(q, wide)
-        far = np.abs(found[:, :n] - near[:n]).max(axis=1)
+        far = np.abs(found[:, :n] - self.home[:n]).max(axis=1)
         found = found[np.argsort(far, kind="stable")]
         for other in found[: self.settings.postures]:
             if np.abs(other - q).max() > 1e-6:
