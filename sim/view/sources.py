@@ -116,7 +116,7 @@ class Recorded(Source):
             seen.take(float(times[i]), state, int(place[i]), why[i], fresh)
         story = record.head["outcome"].get("story", [])
         self.events = sorted(
-            [*seen.events, *(_told_by(event) for event in story)],
+            [*seen.events, *map(_told_by, story)],
             key=lambda event: event.time_s,
         )
         rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
