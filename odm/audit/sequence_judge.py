@@ -347,7 +347,7 @@ class _ExactSide:
         self.exact, self.fcl = ExactRobot(robot), FclRobot(robot)
         self.motion_bounds = center_motion_bounds(cell_map.arm, robot.dof)
         scenery = cell_map.scenery
-        self.scenery = []  # parts, names, solids of the robot that are tested against it
+        self.scenery = []  # parts, their names, and which solids meet them
         moving = robot.link_body[robot.solid_link] > 0
         for row, name in zip(scenery.solids, scenery.names, strict=True):
             links = [robot.link_names.index(a) for a, b in scenery.dropped if b == name]

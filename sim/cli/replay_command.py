@@ -399,10 +399,8 @@ def merged(rows: list[dict]) -> list[tuple[dict, int]]:
 
 def _goes_on(last: dict, row: dict) -> bool:
     """Say whether a row is more of the one before."""
-    kinds, reasons = (
-        {_PACES.get(one["what"], one["what"]) for one in (last, row)},
-        {re.sub(r"[\d.]+", "", one["reason"]) for one in (last, row)},
-    )
+    kinds = {_PACES.get(one["what"], one["what"]) for one in (last, row)}
+    reasons = {re.sub(r"[\d.]+", "", one["reason"]) for one in (last, row)}
     near = row["start_s"] <= last["end_s"] + _APART_S
     return near and len(kinds) == len(reasons) == 1
 

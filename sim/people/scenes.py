@@ -174,22 +174,14 @@ SCENES = {"hold": hold, "backoff": backoff, "escape": escape}
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """One of `SCENES`; a HumanMotion, played where `before` puts it."""
+class Scene(Together):
+    """One of `SCENES`, before work places of a table until `before` puts it elsewhere.
 
-    name: str
+    Its motions are those of the arms.
+    """
+
     person: Person  # sizes and speed limit of the arms; where they stand follows
-    arms: Together  # the arms, for work places of a table in front of the robot
     film_s = 12.0  # the first so many seconds show it [s]
-
-    @property
-    def max_speed(self) -> float:
-        """No point of any surface advances faster than this [m/s]."""
-        return self.arms.max_speed
-
-    def capsules(self, t: float) -> np.ndarray:
-        """Return the arms at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        return self.arms.capsules(t)
 
     def before(self, robot: Robot, places: np.ndarray) -> "Scene":
         """Return the scene staged for a robot that waits at the first work place.
@@ -201,20 +193,14 @@ class Scene:
         tools = [tool_pose(robot, q)[:3, 3] for q in places[:2]]
         covers = [robot_balls(robot, q) for q in places[:2]]
         waiting, goal = map(Stand.before, [self.person] * 2, tools, covers)
-        return staged(self.name, self.person, waiting, goal)
-
-
-def staged(name: str, person: Person, waiting: Stand, goal: Stand) -> Scene:
-    """Return a scene whose arms stand before the two work places."""
-    arms: tuple[HumanMotion, ...] = SCENES[name](waiting, goal)
-    return Scene(name, person, Together(name, arms))
+        return replace(self, motions=SCENES[self.name](waiting, goal))
 
 
 def make_scene(name: str, person: Person | None = None) -> Scene:
     """Return a scene by its name, not staged yet: see `Scene.before`."""
     person = person or Person(HumanArm.sized())
     waiting, goal = (Stand.before(person, np.array(p)) for p in TOOLS)
-    return staged(name, person, waiting, goal)
+    return Scene(name, SCENES[name](waiting, goal), person)
 
 
 for _name in SCENES:
