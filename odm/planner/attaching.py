@@ -261,14 +261,14 @@ class Attacher(Remembering):
         )  # fmt: skip
 
     def pay(self) -> None:
-        """Do what is owed next for the motions into goals that a frame joined.
+        """Do what is owed next for the motions that a frame joined.
 
-        First they lower the costs to go, then they get their cells: one in a frame.
-        Before them the start's motions get theirs.
+        Those into goals lower the costs to go, then a motion of the start gets its
+        cells, last the goals' get theirs: one of these in a frame.
         """
-        if self.owes_start:
-            self.sweep_cells(len(self.frame.memory.start_connections.node))
-            self.owes_start = False
+        if self.owes_start and self.owes != COSTS:
+            self.sweep_cells(1)
+            self.owes_start = self.is_bare
             return
         goals, owed, self.owes = self.frame.memory.goals, self.owes, self.owes - 1
         for g in range(len(self.goals)):

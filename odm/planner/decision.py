@@ -57,22 +57,27 @@ class Decision(Remembering):
     Attributes:
         new_goals: Goals were set since the last frame.
         only_seen: The last frame asked for no answer.
-        joined: The last frame joined q, or goals, to the roadmap.
         is_tight: No frame may be answered as it is taken; see `tight_ends`.
     """
 
-    REMEMBERED = ("new_goals", "_looked", "only_seen")
+    REMEMBERED = ("new_goals", "_looked", "only_seen", "_joined_in")
 
     def __init__(
         self, frame: Frame, path: PathInUse, attacher: Attacher, patience: int
     ) -> None:
         self.frame, self.path, self.attacher = frame, path, attacher
         self._memory, self._numbers = frame.memory, frame.memory.numbers
-        self.new_goals = self.only_seen = self.joined = self._joins_first = False
+        self.new_goals = self.only_seen = self._joins_first = False
+        self._joined_in = -1  # frame that joined q, or goals, to the roadmap last
         self.is_tight = False
         self._patience, self._joining = patience, attacher.settings
         self._looked = -step.BETTER_EVERY  # frame after which `improve` looked last
         self._always = frame.memory.rules.always  # 1: search from scratch
+
+    @property
+    def joined(self) -> bool:
+        """Whether the last frame that was taken joined q, or goals, to the roadmap."""
+        return self._joined_in == self.frame.number
 
     @property
     def waits(self) -> bool:
@@ -104,11 +109,11 @@ class Decision(Remembering):
 
         Not where q may have to be joined to the roadmap first.
         """
-        attacher, self.only_seen, self.joined = self.attacher, False, False
+        attacher, self.only_seen = self.attacher, False
         if attacher.is_stale:
             attacher.forget_all()
-        elif attacher.owes_start or attacher.owes == COSTS:
-            attacher.pay()
+        elif attacher.owes == COSTS or (attacher.owes_start and not self.joined):
+            attacher.pay()  # the start's cells wait while each frame joins it to more
         elif attacher.owes and self.path.followed and self.frame.n_given > MANY_POINTS:
             attacher.pay()  # cells only save tests: `improve` sweeps them, else
         first = self.new_goals or (attacher.without_cells and not self.path.followed)
@@ -157,7 +162,8 @@ class Decision(Remembering):
     def _join_start(self) -> bool:
         """Join q by its first motions; return whether it has some now."""
         done = self.attacher.join_start()
-        self.joined = self.joined or done
+        if done:
+            self._joined_in = self.frame.number
         return done
 
     def join_more(self, most: int) -> bool:
@@ -171,7 +177,7 @@ class Decision(Remembering):
             return False
         if not self.may_lead_on() or not attacher.attach_free(most):
             return False
-        self.joined = True
+        self._joined_in = self.frame.number
         return True
 
     def again(self, now: float | None) -> int:
@@ -241,7 +247,7 @@ class Decision(Remembering):
         if what is None or not np.isfinite(q).all():
             return False
         attacher.attach_start(q, what == FEW, passes=robot == MOVES)
-        self.joined = True
+        self._joined_in = self.frame.number
         return True
 
     @property

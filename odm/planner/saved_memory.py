@@ -20,7 +20,7 @@ from roadmap.ranges import check_kind
 _SETTING, _DIGEST = "setting.", "digest"
 # of how it is laid out: another one where any part saves something else, or in another
 # order
-_VERSION = {"version": b"8"}
+_VERSION = {"version": b"9"}
 NOT_SAVED = ("graph", "direct")  # counted anew from the frame's points
 # groups whose verdicts of a frame are void
 _VERDICTS = "search", "goals", "start_connections", "recent", "slacks"

@@ -20,8 +20,13 @@ from numba import njit
 
 from odm.search._bound import (
     GOAL_SIDE,
+    OVER,
     START_SIDE,
+    begin_flood,
+    flood_step,
     free_bound,
+    meets_start,
+    note_edge,
     recent_bound,
     remember_path,
 )
@@ -36,6 +41,7 @@ from roadmap.compiling.jit_options import INNER
 
 BOUND_BY_LAST_AFTER = 8  # vertices closed before the last path is tried as a bound,
 BOUND_BY_ALL_AFTER = 12  # and all earlier paths, where that one is blocked
+FLOODS = 32  # nodes that it takes for each that the search closes, all items settled
 FLOOD_AFTER = 96  # vertices closed before the flood from the goal starts
 # vertices that a search to a goal that the cells block closes, by turns: from the goal,
 # from the robot, and from the goal again, content with a path that is not much longer:
@@ -47,7 +53,7 @@ ALL = 1 << 40  # vertices: no limit
 # what is left GREED times: its path is so much longer than the shortest, at most
 GREEDY_AFTER, LARGE, GREED = 100, 200_000, 1.5
 HOPELESS = -1  # verdict of an entry: nothing else is left to be found
-NOT_BEGUN, OVER = -1, -2  # instead of the tail of the flood's queue
+NOT_BEGUN = -1  # instead of the tail of the flood's queue
 NONE, UNDECIDED = -1, -2  # instead of an entry: no path; none yet, and it may go on
 
 
@@ -200,13 +206,6 @@ def enter_goals(state, entry, low, high, bound):
 
 
 @njit(**INNER)
-def note_edge(state, w, item):
-    """Note what is hit where an edge to node w, or its list, is: once a frame."""
-    if item_free(state, w):
-        item_free(state, item)
-
-
-@njit(**INNER)
 def expand(state, entry, h, bound, greed):
     """Add the edges that leave a vertex; False where there is no room for them.
 
@@ -259,85 +258,19 @@ def expand(state, entry, h, bound, greed):
 
 
 @njit(**INNER)
-def begin_flood(state, low, high):
-    """Queue the nodes next to goals low to high - 1, where the flood begins."""
-    search, goals = view(state, "search"), view(state, "goals")
-    numbers = view(state, "numbers")
-    maybe, run = 4 * numbers.frame[0] + MAYBE, numbers.run[0]
-    search.head[0] = search.tail[0] = 0
-    for g in range(low, high):
-        for a in range(goals.number[g]):
-            w = goals.node[g, a]
-            if search.flood[w] == run:
-                continue
-            if not goal_motion_free(state, g, a) and goals.memo[g, a] != maybe:
-                continue
-            if item_free(state, w) and reach(state, w):
-                return
-
-
-@njit(**INNER)
-def reach(state, w):
-    """Let the flood reach a free node over a free edge; True where the search was."""
-    search, run = view(state, "search"), view(state, "numbers").run[0]
-    search.flood[w] = run
-    if search.done[w] == run:
-        search.tail[0] = OVER
-        return True
-    search.queue[search.tail[0]] = w
-    search.tail[0] += 1
-    return False
-
-
-@njit(**INNER)
-def flood_step(state):
-    """Take one node off the goal side's queue; over where it meets the search."""
-    graph, search = view(state, "graph"), view(state, "search")
-    run, stats = view(state, "numbers").run[0], view(state, "stats")
-    n = graph.adj_ptr.shape[0] - 1
-    u = search.queue[search.head[0]]
-    search.head[0] += 1
-    stats.flooded[0] += 1
-    for k in range(graph.adj_ptr[u], graph.adj_ptr[u + 1]):
-        w, item = graph.adj_node[k], n + graph.adj_edge[k]
-        if search.flood[w] == run:
-            continue
-        if stats.counted[0] != 0:
-            if is_hit(graph, item) or graph.closed[item]:
-                note_edge(state, np.int64(w), item)
-                continue
-        elif not item_free(state, w) or not item_free(state, item):
-            continue
-        if reach(state, np.int64(w)):
-            return
-
-
-@njit(**INNER)
 def flood(state, starts, low, high):
-    """Let the flood go on a little; True where it proves that no path is left.
-
-    Where the goal's side is exhausted, that is so unless a start lies in it.
-    """
-    search, goals = view(state, "search"), view(state, "goals")
-    frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
+    """Let the flood go on a little; True where it proves that no path is left."""
+    search, counted = view(state, "search"), view(state, "stats").counted[0] != 0
     if search.tail[0] == NOT_BEGUN:
         begin_flood(state, low, high)
-    for _ in range(8 if view(state, "stats").counted[0] != 0 else 2):
+    for _ in range(FLOODS if counted else 2):
         if search.tail[0] == OVER:
             return False
         if search.head[0] < search.tail[0]:
             flood_step(state)
             continue
         search.tail[0] = OVER
-        for k in range(starts.count[0]):
-            verdict = starts.memo[k] - 4 * frame
-            if verdict == FREE or verdict == MAYBE:
-                if search.flood[starts.node[k]] == run:
-                    return False
-        for g in range(low, high):
-            if goals.direct_memo[g] == 4 * frame + FREE:
-                return False
-        return True
+        return not meets_start(state, starts, low, high)
     return False
 
 
@@ -414,6 +347,8 @@ def a_star(state, starts, only, most):
             numbers.exhausted[0] = 0
             break
         if popped >= FLOOD_AFTER and bound == math.inf and search.tail[0] != OVER:
+            if popped == FLOOD_AFTER:
+                many //= 2  # a long search, and the flood, will look at many more
             if flood(state, starts, low, high):
                 numbers.exhausted[0] = GOAL_SIDE
                 break

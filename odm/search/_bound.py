@@ -23,6 +23,7 @@ from odm.search._items import (
     MAYBE,
     REFUSED,
     goal_motion_free,
+    is_hit,
     item_free,
     item_free_now,
 )
@@ -43,6 +44,7 @@ N_ITEMS, N_NODES, RUN, SIDE, SOUGHT = 0, 1, 2, 3, 4  # of `Proof.count`
 # of a search without a path: `done`, or `flood`, tells all that is reached from there;
 # or there was none, since no motion leaves the start
 START_SIDE, GOAL_SIDE, NO_EXIT_SIDE = 1, 2, 3
+OVER = -2  # instead of the tail of the flood's queue: it met the search
 MOST_SOUGHT = 100  # nodes that are looked at for what is shorter, beside a search
 
 
@@ -348,15 +350,11 @@ def nothing_opened(state, starts, g, h):
     goals = view(state, "goals")
     # what was closed then tells where to go on from what has come free
     seeks = proof.count[RUN] == view(state, "numbers").run[0]
-    seeks = seeks and proof.count[SIDE] != GOAL_SIDE
     asks = view(state, "rules").close_test_connections[0] > 0
     # where cells leave no path, a search asks the close test of all motions; a path
     # that need not be the shortest stays
     asks_all = asks and proof.count[RUN] >= 0 and is_by_close_test(state, starts, g)
-    stats = view(state, "stats")
-    if stats.counted[0] == 0 and proof.count[N_ITEMS] > tests_worth_refreshing(state):
-        refresh(state)
-        stats.counted[0] = 1
+    refresh_for(state, proof.count[N_ITEMS])
     proof.count[SOUGHT] += 1
     search.made[0] = 0
     opened = False
@@ -391,6 +389,185 @@ def nothing_opened(state, starts, g, h):
 
 
 @njit(**INNER)
+def note_edge(state, w, item):
+    """Note what is hit where an edge to node w, or its list, is: once a frame."""
+    if item_free(state, w):
+        item_free(state, item)
+
+
+@njit(**INNER)
+def begin_flood(state, low, high):
+    """Queue the nodes next to goals low to high - 1, where the flood begins.
+
+    The close test is asked of motions into a goal that the cells do not free: else the
+    flood would hold nodes that lead nowhere.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    numbers = view(state, "numbers")
+    maybe, run = 4 * numbers.frame[0] + MAYBE, numbers.run[0]
+    search.head[0] = search.tail[0] = 0
+    for g in range(low, high):
+        for a in range(goals.number[g]):
+            w = goals.node[g, a]
+            if search.flood[w] == run or not item_free(state, w):
+                continue
+            if not goal_motion_free(state, g, a):
+                if goals.memo[g, a] != maybe or not goal_motion_clear(state, g, a):
+                    continue
+            if reach(state, w):
+                return
+
+
+@njit(**INNER)
+def reach(state, w):
+    """Let the flood reach a free node over a free edge; True where the search was."""
+    search, run = view(state, "search"), view(state, "numbers").run[0]
+    search.flood[w] = run
+    if search.done[w] == run and search.g[w] < math.inf:
+        search.tail[0] = OVER
+        return True
+    search.queue[search.tail[0]] = w
+    search.tail[0] += 1
+    return False
+
+
+@njit(**INNER)
+def flood_step(state):
+    """Take one node off the goal side's queue; over where it meets the search."""
+    graph, search = view(state, "graph"), view(state, "search")
+    run, stats = view(state, "numbers").run[0], view(state, "stats")
+    n = graph.adj_ptr.shape[0] - 1
+    u = search.queue[search.head[0]]
+    search.head[0] += 1
+    stats.flooded[0] += 1
+    for k in range(graph.adj_ptr[u], graph.adj_ptr[u + 1]):
+        w, item = graph.adj_node[k], n + graph.adj_edge[k]
+        if search.flood[w] == run:
+            continue
+        if stats.counted[0] != 0:
+            if is_hit(graph, item) or graph.closed[item]:
+                note_edge(state, np.int64(w), item)
+                continue
+        elif not item_free(state, w) or not item_free(state, item):
+            continue
+        if reach(state, np.int64(w)):
+            return
+
+
+@njit(**INNER)
+def meets_start(state, starts, low, high):
+    """Return True where the flood, now over, holds a node that the start may go to.
+
+    So it is, too, where the straight motion to a goal is free.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    frame, run = view(state, "numbers").frame[0], view(state, "numbers").run[0]
+    for k in range(starts.count[0]):
+        verdict = starts.memo[k] - 4 * frame
+        if verdict == FREE or verdict == MAYBE:
+            if search.flood[starts.node[k]] == run:
+                return True
+    for g in range(low, high):
+        if goals.direct_memo[g] == 4 * frame + FREE:
+            return True
+    return False
+
+
+@njit(**INNER)
+def flood_over(state, item):
+    """Let the flood go over an item that has come free."""
+    graph, search = view(state, "graph"), view(state, "search")
+    run, n = view(state, "numbers").run[0], graph.adj_ptr.shape[0] - 1
+    if item >= n:
+        for k in range(2):
+            u = np.int64(graph.edges[item - n, k])
+            w = np.int64(graph.edges[item - n, 1 - k])
+            if search.flood[u] == run and search.flood[w] != run:
+                if item_free(state, w) and reach(state, w):
+                    return
+        return
+    for k in range(graph.adj_ptr[item], graph.adj_ptr[item + 1]):
+        if search.flood[item] == run:
+            return
+        if search.flood[graph.adj_node[k]] == run:
+            if item_free(state, n + graph.adj_edge[k]) and reach(state, item):
+                return
+
+
+@njit(**INNER)
+def stays_shut(state, starts, g, asks):
+    """Return whether a flood that met no start meets none yet; it goes on.
+
+    Into goal g by motions that have come free, or were joined since, and from the nodes
+    in its queue. `asks`: the close test is asked of motions whose cells are occupied.
+    """
+    search, goals = view(state, "search"), view(state, "goals")
+    run = view(state, "numbers").run[0]
+    for a in range(goals.number[g]):
+        w = np.int64(goals.node[g, a])
+        if search.tail[0] != OVER and search.flood[w] != run and item_free(state, w):
+            if entry_open(state, g, a, asks):
+                reach(state, w)
+    while search.tail[0] != OVER and search.head[0] < search.tail[0]:
+        flood_step(state)
+    if search.tail[0] == OVER:
+        return False
+    for k in range(starts.count[0]):
+        v = np.int64(starts.node[k])
+        if search.flood[v] == run and item_free(state, v):
+            if start_open(state, starts, k, asks):
+                return False
+    return not meets_start(state, starts, g, g + 1)
+
+
+@njit(**INNER)
+def goes_on_shut(state, starts, g, run):
+    """Return whether more motions, free or not, open no path to goal g.
+
+    Only a flood from it can tell, that met no start in a search after number `run`.
+    """
+    search, numbers = view(state, "search"), view(state, "numbers")
+    if numbers.run[0] == run or numbers.exhausted[0] != GOAL_SIDE:
+        return False
+    search.head[0] = search.tail[0] = 0
+    return stays_shut(state, starts, g, False)
+
+
+@njit(**INNER)
+def is_shut(state, starts, g):
+    """Return whether a search whose flood met no start would still find no path.
+
+    What blocked the flood's way is asked again, and it goes over what has come free.
+    Motions may have been joined since, at both ends.
+    """
+    proof, search = view(state, "proof"), view(state, "search")
+    refresh_for(state, proof.count[N_ITEMS])
+    search.head[0] = search.tail[0] = 0
+    for i in range(proof.count[N_ITEMS]):
+        if item_free_now(state, np.int64(proof.item[i])):
+            flood_over(state, np.int64(proof.item[i]))
+            if search.tail[0] == OVER:
+                return False
+    asks = view(state, "rules").close_test_connections[0] > 0
+    if not stays_shut(state, starts, g, asks):
+        return False
+    if search.hits[0] > search.hit.shape[0]:
+        return False
+    keep_hits(state)  # all that is in the way now was looked at in this frame
+    proof.of[2], proof.of[3] = starts.count[0], view(state, "goals").number[g]
+    return True
+
+
+@njit(**INNER)
+def refresh_for(state, n_items):
+    """Settle all items at once where so many are to be looked at."""
+    stats = view(state, "stats")
+    if stats.counted[0] == 0 and n_items > tests_worth_refreshing(state):
+        refresh(state)
+        stats.counted[0] = 1
+
+
+@njit(**INNER)
 def what_holds(state, starts, start_vertex, g, h):
     """Return what the last search showed and holds in this frame, for goal g.
 
@@ -401,10 +578,16 @@ def what_holds(state, starts, start_vertex, g, h):
     numbers = view(state, "numbers")
     if proof.of[0] != start_vertex or proof.of[1] != goals.vertex[g]:
         return UNKNOWN
-    if proof.of[2] != starts.count[0] or proof.of[3] != goals.number[g]:
-        return UNKNOWN
     nodes, n = proof.count[N_NODES], view(state, "graph").adj_ptr.shape[0] - 1
     if nodes == 0 and numbers.run[0] != proof.count[RUN]:
+        return UNKNOWN
+    if nodes == 0 and proof.count[SIDE] == GOAL_SIDE:
+        proof.of[0] = -1
+        if not is_shut(state, starts, g):
+            return UNKNOWN
+        numbers.exhausted[0], proof.of[0] = GOAL_SIDE, start_vertex
+        return NO_WAY
+    if proof.of[2] != starts.count[0] or proof.of[3] != goals.number[g]:
         return UNKNOWN
     # what comes next changes what is known, and else a search does
     proof.of[0] = -1

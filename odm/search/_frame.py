@@ -19,6 +19,7 @@ from odm.search._bound import (
     NO_WAY,
     SHORTEST,
     forget_proof,
+    goes_on_shut,
     keep_proof,
     what_holds,
     write_shortest,
@@ -212,7 +213,7 @@ def plan(state, starts, start_vertex, most, last):
             if offered == NO_ENTRY or offered == NO_EXIT:
                 continue
             any_start = True
-            if offered == SEARCH:
+            if offered == SEARCH and not goes_on_shut(state, starts, g, run):
                 entry = search_to(state, starts, g, not can_enter and not straight)
             leaves = entry >= 0 or can_leave(state, starts)
         keep_run(state, starts, start_vertex, g, entry, run)
