@@ -63,7 +63,7 @@ def as_floats(name: str, values: object) -> np.ndarray:
     """Return real numbers as a float64 array that loops take: writeable, aligned.
 
     An array that is one already comes back as it is; rows of unequal length are
-    refused.
+    refused. What is masked is NaN: nobody knows what stands there.
     """
     try:
         array = np.asarray(values)
@@ -75,6 +75,8 @@ def as_floats(name: str, values: object) -> np.ndarray:
             "float64, all rows of the same length"
         )
     array = np.asarray(array, np.float64)
+    if isinstance(values, np.ma.MaskedArray):
+        array = np.where(np.ma.getmaskarray(values), np.nan, array)
     return array if array.flags.carray else array.copy(order="C")
 
 

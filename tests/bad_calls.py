@@ -176,6 +176,27 @@ def calls(odm, planner, hand, home):
         ),
         "a camera's thinnest at a text": lambda: camera.thinnest("x"),
         "a camera's radius at a text": lambda: camera.covering_radius("x"),
+        "shapes of an array of none": lambda: odm.Obstacles.of(np.array(1.0)),
+        "names of an array of none": lambda: odm.Obstacles(
+            capsules=1, labels={"capsules": np.array("arm")}
+        ),
+        "classes of an array of none": lambda: odm.Obstacles(
+            capsules=1, classes={"capsules": np.array(1)}
+        ),
+        "what a shape of a text is called": lambda: odm.Obstacles(capsules=1).name("x"),
+        "a crop by a huge number": lambda: odm.PointCloud(np.eye(3), crop=10**400),
+        "a camera at complex numbers": lambda: odm.cameras.look_at(
+            np.ones(3) * 1j, np.zeros(3)
+        ),
+        "a camera as wide as a huge number": lambda: odm.DepthCamera(
+            10**400, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)
+        ),
+        "masked capsules": lambda: (
+            planner.step(
+                odm.Obstacles(capsules=np.ma.masked_array(np.full((1, 7), 9.0), True)),
+                home,
+            ).reason
+        ),
         "what is seen of no map": lambda: odm.SeenSpace("map", camera),
         "a person of no place": lambda: handover.Human().placed("x", 0.0, 0.0),
         "a person of text": lambda: handover.human_from_joints("x"),

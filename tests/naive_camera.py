@@ -28,10 +28,10 @@ def is_valid(image) -> np.ndarray:
     return (image != 0) & (image != 65535)
 
 
-def lone_holes(image) -> np.ndarray:
-    """Return the pixels without a reading whose eight neighbours all have one."""
+def lone_holes(image, clear: int = 0) -> np.ndarray:
+    """Return the pixels that tell nothing and whose eight neighbours all tell."""
     lone = np.zeros(image.shape, bool)
-    valid = is_valid(image)
+    valid = image != 0 if clear else is_valid(image)
     for v in range(1, image.shape[0] - 1):
         for u in range(1, image.shape[1] - 1):
             around = valid[v - 1 : v + 2, u - 1 : u + 2]
@@ -68,16 +68,18 @@ def seen_parts(camera: DepthCamera, corners, noise=0.0) -> tuple:
     return parts, whole, (deep / (1 - kappa) + noise) / camera.scale
 
 
-def near_readings(image) -> np.ndarray:
-    """Return the readings as they speak for cubes: where there is none, 0."""
+def near_readings(camera: DepthCamera, image) -> np.ndarray:
+    """Return how far rays are free, as readings; 0 where that is not known."""
+    clear = int((camera.clear_m or 0.0) / camera.scale)
     near = np.where(is_valid(image), image, 0).astype(float)
-    near[lone_holes(image)] = 65535.0
+    near[image == 65535] = clear
+    near[lone_holes(image, clear)] = 65535.0
     return near
 
 
 def are_seen_free(camera: DepthCamera, image, corners) -> np.ndarray:
     """Return which cubes with these corners (n, 8, 3) are seen to be free."""
-    near, free = near_readings(image), np.zeros(len(corners), bool)
+    near, free = near_readings(camera, image), np.zeros(len(corners), bool)
     rows = zip(*seen_parts(camera, corners), strict=True)
     for k, ((top, bottom, left, right), whole, limit) in enumerate(rows):
         part = near[top : bottom + 1, left : right + 1]
@@ -91,7 +93,7 @@ def cell_states(camera: DepthCamera, image, own, grid, noise=0.0) -> np.ndarray:
     A cell is FREE if all readings of pixels as near to the image of its cube as
     the argument of `odm/cameras/_seen.py` asks exceed what lies behind it.
     """
-    near = near_readings(image)
+    near = near_readings(camera, image)
     seen = np.where(is_valid(image) & ~own, image, 65535).astype(float)
     cells = np.zeros(tuple(4 * grid.blocks), np.uint8)
     at = np.argwhere(cells == 0)

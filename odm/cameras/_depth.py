@@ -2,12 +2,16 @@
 
 A reading is the depth along the optical axis of what the ray through the pixel's
 centre meets first, in units of the camera's scale; 0 and 65535 mean that there is none.
+Where the camera is told how far 65535 means that nothing is there (`clear_m`), such a
+pixel is *clear*: its ray is known to be free so far, and no surface is known.
 Two tables of half the image's size are made, the least of 2 x 2 readings each:
 
 - `near`: how far the rays are known to be free. Own points count, since the ray went
-  as far as the robot. No reading counts as 0, but not at all where its eight neighbours
-  have one and no flying pixels are taken out.
-- `seen`: where the surfaces of others are. Own points and no reading count as 65535.
+  as far as the robot, and clear ones up to `clear_m`. No reading counts as 0, but not
+  at all where its eight neighbours have one or are clear, and no flying pixels are
+  taken out.
+- `seen`: where the surfaces of others are. Own points, clear ones and no reading count
+  as 65535.
 """
 
 import math
@@ -22,7 +26,7 @@ from roadmap.kinematics._forward import place_of
 TILE_BITS = 4
 TILE = 1 << TILE_BITS  # pixels: a tile lists the balls that its points may lie in
 NOTHING = 65535
-N_VALID, N_OWN, N_FLYING, N_OUTSIDE = 0, 1, 2, 3
+N_VALID, N_OWN, N_FLYING, N_OUTSIDE, N_CLEAR = 0, 1, 2, 3, 4
 
 
 class SelfFilter(NamedTuple):
@@ -39,7 +43,8 @@ class Hits(NamedTuple):
 
     hit: np.ndarray  # (cells,) a bit for each eighth of a cell that has a point
     shape: np.ndarray  # (3,) cells of the grid
-    counts: np.ndarray  # (4,) valid readings, own, flying, points outside the grid
+    # (5,) valid readings, own, flying, points outside the grid, clear
+    counts: np.ndarray
 
 
 @njit(**INNER)
@@ -110,20 +115,26 @@ def list_balls(view, centers, radii, balls, width, height):
 
 
 @njit(**INNER)
-def is_flying(image, v, u, jump):
+def tells(raw, clear):
+    """Return True if a pixel is a reading, or is clear to a reading above 0."""
+    return raw != 0 and (raw != NOTHING or clear > 0)
+
+
+@njit(**INNER)
+def is_flying(image, v, u, jump, clear):
     """Return True if a reading lies between its neighbours, far from both.
 
-    Left and right are compared, and above and below; a neighbour without a reading
-    is none.
+    Left and right are compared, and above and below; a neighbour that tells nothing
+    is none, one that is clear is farther than all others.
     """
     here = np.int64(image[v, u])  # unsigned differences would be huge
     if 0 < u < image.shape[1] - 1:
         a, b = np.int64(image[v, u - 1]), np.int64(image[v, u + 1])
-        if a != 0 and b != 0 and between(here, a, b, jump):
+        if tells(a, clear) and tells(b, clear) and between(here, a, b, jump):
             return True
     if 0 < v < image.shape[0] - 1:
         a, b = np.int64(image[v - 1, u]), np.int64(image[v + 1, u])
-        if a != 0 and b != 0 and between(here, a, b, jump):
+        if tells(a, clear) and tells(b, clear) and between(here, a, b, jump):
             return True
     return False
 
@@ -137,13 +148,13 @@ def between(here, a, b, jump):
 
 
 @njit(**INNER)
-def is_lone(image, v, u):
-    """Return True if all eight pixels around this one have a reading."""
+def is_lone(image, v, u, clear):
+    """Return True if all eight pixels around this one have a reading or are clear."""
     if v == 0 or u == 0 or v + 1 == image.shape[0] or u + 1 == image.shape[1]:
         return False
     for i in range(v - 1, v + 2):
         for j in range(u - 1, u + 2):
-            if (i != v or j != u) and (image[i, j] == 0 or image[i, j] == NOTHING):
+            if (i != v or j != u) and not tells(image[i, j], clear):
                 return False
     return True
 
@@ -183,11 +194,12 @@ def read_image(image, fours, view, own, jump, hits):
     shape = (hits.shape[0], hits.shape[1], hits.shape[2])
     g, slope_x, slope_y = view.to_eighths, 1.0 / view.lens[0], 1.0 / view.lens[1]
     middle_x, middle_y, scale = view.lens[2], view.lens[3], view.lens[4]
+    clear = np.uint16(view.lens[11])
     g0, g3, g6, g9, g10, g11 = g[0], g[3], g[6], g[9], g[10], g[11]
     start, item, reach = view.tile_start, view.tile_item, view.tile_depth
     balls, owner, removed, is_filtered = own
     hit, across = hits.hit, (width + TILE - 1) // TILE
-    n_valid = n_own = n_flying = n_outside = 0
+    n_valid = n_own = n_flying = n_outside = n_clear = 0
     last_cell, last_bit = np.int64(-1), np.int64(-1)
     all_near, all_seen = view.near[0], view.seen[0]
     all_near[:] = NOTHING
@@ -206,11 +218,14 @@ def read_image(image, fours, view, own, jump, hits):
                 raw = row[u]
                 j = u >> 1
                 if raw == 0 or raw == NOTHING:
-                    if jump > 0 or not is_lone(image, v, u):
+                    if raw == NOTHING and clear > 0:
+                        n_clear += 1
+                        near[j] = min(near[j], clear)
+                    elif jump > 0 or not is_lone(image, v, u, clear):
                         near[j] = 0
                     continue
                 n_valid += 1
-                if jump > 0 and is_flying(image, v, u, jump):
+                if jump > 0 and is_flying(image, v, u, jump, clear):
                     n_flying += 1
                     near[j] = 0
                     continue
@@ -238,3 +253,4 @@ def read_image(image, fours, view, own, jump, hits):
     counts = hits.counts
     counts[N_VALID], counts[N_OWN] = n_valid, n_own
     counts[N_FLYING], counts[N_OUTSIDE] = n_flying, n_outside
+    counts[N_CLEAR] = n_clear

@@ -39,7 +39,7 @@ class Sight(NamedTuple):
     """From where a camera looks, and what it saw."""
 
     pose: np.ndarray  # (12,) from base frame to camera
-    lens: np.ndarray  # (11,) see `odm.cameras.view`
+    lens: np.ndarray  # (12,) see `odm.cameras.view`
     table: np.ndarray  # (levels, rows, columns) of readings
 
 

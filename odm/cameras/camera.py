@@ -7,10 +7,10 @@ import numpy as np
 
 from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number, is_between
+from roadmap.ranges import check_number, is_between, told
 from roadmap.transforms import check_pose, moved_points, pose_with
 
-NO_READING = (0, 65535)  # pixel values that tell nothing
+NO_READING = (0, 65535)  # pixel values that are no depths
 MOST_PIXELS = 16384  # a side
 MOST_NUMBER = 1e12  # any larger one is a mistake
 LEAST_DEPTH = 0.03  # [m] no camera reads less
@@ -49,6 +49,9 @@ class DepthCamera:
         T_base_camera: (4, 4) pose of the camera in the robot's base frame [m].
         scale: Depth of one unit of a pixel [m]: 0.001 where pixels are millimetres.
         name: Of the camera in messages.
+        clear_m: A pixel of 65535 says that its ray meets nothing up to this depth along
+            the optical axis [m], at most the largest depth of a pixel. None: it tells
+            nothing, as 0 always does. See docs/cameras.md before you give it.
     """
 
     width: int
@@ -60,16 +63,30 @@ class DepthCamera:
     T_base_camera: np.ndarray
     scale: float = 0.001
     name: str = "camera"
+    clear_m: float | None = None
 
     def __post_init__(self) -> None:
         for key, (low, high, wanted) in _LIMITS.items():
             value, kind = getattr(self, key), int if key in _SIDES else float
             if not is_between(value, low, high) or kind(value) != value:
-                raise BadInput(f"{key} {value} of {self.name} must be {wanted}")
+                raise BadInput(f"{key} {told(value)} of {self.name} must be {wanted}")
             object.__setattr__(self, key, kind(value))
         pose = check_pose(self.T_base_camera, f"T_base_camera of {self.name}")
         _vector(pose[:3, 3], f"the place of {self.name}")
         object.__setattr__(self, "T_base_camera", frozen(pose, np.float64))
+        self._check_clear()
+
+    def _check_clear(self) -> None:
+        if self.clear_m is None:
+            return
+        most = self.scale * (NO_READING[1] - 1)
+        if not (is_between(self.clear_m, 0.0, most) and self.clear_m > 0.0):
+            raise BadInput(
+                f"clear_m {told(self.clear_m)} of {self.name} must be a depth above 0 "
+                f"and up to {most:g} m, the largest of a pixel; give None where 65535 "
+                "tells nothing"
+            )
+        object.__setattr__(self, "clear_m", float(self.clear_m))
 
     def moved(self, T_base_camera: np.ndarray) -> "DepthCamera":
         """Return the same camera at another pose (4, 4)."""
@@ -128,8 +145,9 @@ class DepthCamera:
     def from_metres(self, depth_m: np.ndarray) -> np.ndarray:
         """Return depths [m] (height, width) as pixels.
 
-        NaN, infinity, what is masked, <= 0 or too far for a pixel give 0. Rounded down:
-        no surface moves away from the camera.
+        NaN, what is masked or <= 0 give 0: nothing is known there. Infinity and what is
+        too far for a pixel give 65535 where the camera has a `clear_m`, else 0, too.
+        Rounded down: no surface moves away from the camera.
         """
         depth = as_floats("the depths", depth_m)
         if depth.ndim != 2:
@@ -137,10 +155,11 @@ class DepthCamera:
                 f"the depths have shape {depth.shape}; give ({self.height}, "
                 f"{self.width}), those of an image of {self.name}"
             )
-        known = (depth > 0.0) & (depth < self.scale * NO_READING[1])
-        known &= ~np.ma.getmaskarray(depth_m)
-        pixels = np.floor(np.where(known, depth, 0.0) / self.scale + 1e-6)
-        pixels[pixels >= NO_READING[1]] = 0
+        known = (depth > 0.0) & ~np.ma.getmaskarray(depth_m)
+        near = known & (depth < self.scale * NO_READING[1])
+        pixels = np.floor(np.where(near, depth, 0.0) / self.scale + 1e-6)
+        beyond = known & ~near | (pixels >= NO_READING[1])
+        pixels[beyond] = NO_READING[0 if self.clear_m is None else 1]
         return pixels.astype(np.uint16)
 
     def misread(self, image: np.ndarray, most: float) -> str | None:
@@ -208,11 +227,12 @@ def look_at(
 
 def _vector(value: object, name: str) -> np.ndarray:
     try:
-        row = np.asarray(value, float)
-    except (TypeError, ValueError, OverflowError):
+        row = as_floats(name, value)
+    except BadInput:
         row = np.zeros(0)
     if row.shape != (3,) or (np.abs(row) > MOST_NUMBER).any():
         raise BadInput(
-            f"{name} is {value!r}; give three numbers up to {MOST_NUMBER:g}, base frame"
+            f"{name} is {told(value)}; give three numbers up to {MOST_NUMBER:g}, base "
+            "frame"
         )
     return row

@@ -53,7 +53,7 @@ class CellBuffers:
             setattr(self, name, np.zeros(words, np.uint64))
         self.bits2 = self.bits.reshape(cells[0], -1)
         self.spare2 = self.spare.reshape(cells[0], -1)
-        self.counts, self.once = np.zeros(4, np.int64), np.zeros(4, np.int64)
+        self.counts, self.once = np.zeros(5, np.int64), np.zeros(5, np.int64)
         self.scratch = np.zeros((1, 1, 1, 5), np.uint16)
         self.blank[:] = BEYOND
         self.reach_to(cell_map, largest_robot(cell_map))

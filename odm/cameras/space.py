@@ -25,7 +25,9 @@ from roadmap.ranges import check_kind, check_seconds, settings_of
 CELL_NAMES = (
     "unseen", "free", "shadow", "occupied", "remembered", "unknown", "out of reach",
 )  # fmt: skip
+_READINGS = ("valid", "own", "flying", "outside", "clear")  # as they are counted
 _NO_FOURS = np.zeros((0, 0), np.uint64)
+_LATE_S = 0.3  # [s] images that are as old came late; older ones have another clock
 _UNFIT = np.full((1, 3), np.nan)  # a frame of it holds the robot
 
 
@@ -42,7 +44,8 @@ class Seen:
         certified: "visible surface".
         stamp: Time of the last fit frame [s].
         trouble: Why this frame is unfit, one sentence; None when it is fit.
-        readings: Valid readings, own ones, flying ones, points outside the grid.
+        readings: How many pixels have a valid reading, are the robot's own, are flying
+            ones, have a point outside the grid, and are clear (`DepthCamera.clear_m`).
         removed: Own points that the self filter took away, by link.
     """
 
@@ -210,16 +213,17 @@ class SeenSpace:
         if last is None:
             self._newest = stamp
             return None
-        if stamp < last:
+        passed = stamp - self._newest
+        # one of several that come late, in order maybe, knows less than the newest
+        is_late = 0.0 < -passed <= max(self.settings.memory_s, _LATE_S)
+        if stamp < last or is_late:
+            behind = -passed if is_late else last - stamp
             return (
-                f"the images are stamped {1e3 * (last - stamp):.0f} ms before the last "
-                "ones, so what is remembered has no age; deliver images in order, by "
+                f"the images are stamped {1e3 * behind:.0f} ms before the last ones, "
+                "so they do not tell what is there now; deliver images in order, by "
                 "one clock"
             )
-        passed = stamp - self._newest
-        if passed < 0.0 and -passed <= self.settings.memory_s:
-            return None  # one of several that came late: it ages nothing
-        # below 0 the clock was set back by more than is remembered, and goes on
+        # below 0 the clock was set back by more than that, and goes on
         self._clock += passed if passed >= 0.0 else stamp - last
         self._newest = stamp
         return None
@@ -246,12 +250,14 @@ class SeenSpace:
             hits = depth.Hits(buffers.hit.reshape(-1), buffers.shape, buffers.once)
             depth.read_image(image, fours, view, balls, jump, hits)
             buffers.counts += buffers.once
-            if buffers.once[depth.N_VALID] == 0:
+            n_valid = buffers.once[depth.N_VALID]
+            if n_valid == buffers.once[depth.N_CLEAR] == 0:
                 return (
                     f"{camera.name} sees nothing: none of its {image.size} pixels has "
-                    "a reading; check that it is plugged in and not covered"
+                    "a reading; check that it is plugged in and not covered, or give "
+                    "clear_m to a camera that tells where nothing is"
                 )
-            if buffers.once[depth.N_OUTSIDE] == buffers.once[depth.N_VALID]:
+            if n_valid and buffers.once[depth.N_OUTSIDE] == n_valid:
                 trouble = camera.misread(image, s.max_range_m)
                 if trouble is not None:
                     return trouble
@@ -315,7 +321,7 @@ class SeenSpace:
 
     def _seen(self, points: np.ndarray, trouble: str | None) -> Seen:
         body, counts = self._body, self._buffers.counts.tolist()
-        readings = dict(zip(("valid", "own", "flying", "outside"), counts, strict=True))
+        readings = dict(zip(_READINGS, counts, strict=True))
         removed = {
             name: n
             for name, n in zip(body.names, body.removed.tolist(), strict=True)

@@ -18,7 +18,8 @@ _FEW = 0.03  # share of the blocks in view
 class View(NamedTuple):
     """What the compiled loops take of a camera; images are looked at by halves."""
 
-    # (11,) fx, fy, cx, cy, scale, pads of u and v, kappa, noise, width, height
+    # (12,) fx, fy, cx, cy, scale, pads of u and v, kappa, noise, width, height, and
+    # the reading up to which a clear pixel's ray is free, 0: there are none
     lens: np.ndarray
     pose: np.ndarray  # (12,) base to camera: rotation, row-major, and translation
     to_eighths: np.ndarray  # (12,) camera to eighths of cells from the grid's corner
@@ -153,7 +154,8 @@ def _lens(camera: DepthCamera, noise: float) -> np.ndarray:
         pads.append(1.0 + wide / (1.0 - 2.0 * camera.kappa) + 1e-6)
     return np.array(
         [camera.fx, camera.fy, camera.cx, camera.cy, camera.scale, *pads, camera.kappa,
-         noise, camera.width, camera.height]
+         noise, camera.width, camera.height,
+         np.floor((camera.clear_m or 0.0) / camera.scale)]
     )  # fmt: skip
 
 

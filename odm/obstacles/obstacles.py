@@ -17,7 +17,7 @@ from odm.obstacles.mesh_surface import FRAME_FINE, sample_closed_mesh
 from roadmap.arrays import as_floats, writable
 from roadmap.errors import BadInput
 from roadmap.geometry.solids import hull_facets
-from roadmap.ranges import check_kind, told
+from roadmap.ranges import check_kind, check_number, told
 
 KINDS = ("capsules", "spheres", "cylinders", "boxes", "meshes")
 _ONE = ("capsule", "sphere", "cylinder", "box", "mesh")
@@ -186,6 +186,8 @@ class Obstacles:
             points: (n, 3), None for none [m].
         """
         check_kind("shapes", shapes, Iterable, "give a list of shapes")
+        if isinstance(shapes, np.ndarray):  # maybe of no dimension
+            shapes = shapes.ravel().tolist()
         rows: dict[str, list] = {kind: [] for kind in KINDS}
         for shape in shapes:
             if isinstance(shape, solid.Mesh):
@@ -241,7 +243,14 @@ class Obstacles:
     )
 
     def name(self, k: int) -> str:
-        """Return what shape k is called: its kind and number, and its label."""
+        """Return what shape k is called: its kind and number, and its label.
+
+        Shapes are counted from 0, kind after kind, as `KINDS` has them.
+
+        Raises:
+            BadInput: k is no whole number of at least 0.
+        """
+        check_number("the number of a shape", k, 0, np.inf, whole=True)
         for kind, one, n in zip(KINDS, _ONE, self._counts.tolist(), strict=True):
             if k < n:
                 labels = self.labels.get(kind)
@@ -284,13 +293,16 @@ class Obstacles:
             return {}
         if not isinstance(given, Mapping) or not set(given) <= set(kinds):
             raise BadInput(
-                f"{what} are {given!r}; give a mapping from some of {', '.join(kinds)} "
+                f"{what} are {told(given)}; give a mapping from some of "
+                f"{', '.join(kinds)} "
                 "to one for each"
             )
         given = {kind: values for kind, values in given.items() if values is not None}
         for kind, values in given.items():
             n = len(getattr(self, "_" + kind))
-            check_kind(f"{what} of {kind}", values, Sized, "give one for each")
+            alone = getattr(values, "ndim", 1) == 0  # an array of no dimension
+            counted = () if alone else Sized
+            check_kind(f"{what} of {kind}", values, counted, "give one for each")
             if len(values) != n:
                 raise BadInput(
                     f"{len(values)} {what} of {kind} were given for {n}; give one for "

@@ -15,7 +15,7 @@ from odm.obstacles.unit import (
 )
 from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number
+from roadmap.ranges import check_number, told
 from roadmap.transforms import check_pose, moved_points
 
 _ROUNDING = 1.0 - 1e-9  # what rounding may take from a side of a cell
@@ -241,8 +241,8 @@ def _corners(crop: object) -> np.ndarray:
     )
     rows = isinstance(crop, Sequence) or isinstance(crop, np.ndarray) and crop.ndim
     if not rows or len(crop) != 2:  # type: ignore[arg-type]
-        raise BadInput(f"crop is {crop!r}; {wrong}")
+        raise BadInput(f"crop is {told(crop)}; {wrong}")
     corners = as_floats("crop", crop)
     if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():
-        raise BadInput(f"crop is {crop!r}; {wrong}, the first below the second")
+        raise BadInput(f"crop is {told(crop)}; {wrong}, the first below the second")
     return corners

@@ -74,6 +74,11 @@ class CameraRequest:
         panel=_CAMERA,
         limits=Limits(0.0, 1.0, "m", above=True, hint="pixels in mm have 0.001"),
     )
+    clear: float | None = optional(
+        "A pixel of 65535 says that nothing is nearer than so many m.",
+        panel=_CAMERA,
+        limits=Limits(0.0, 1000.0, "m", above=True),
+    )
     q: str | None = optional(
         "The robot's joints, rad or m; default: mid-range.", metavar="Q1,Q2,..."
     )
@@ -127,6 +132,7 @@ def camera(request: CameraRequest) -> None:
         _pose(request.eye, request.at, request.pose),
         request.scale,
         request.file.name,
+        request.clear,
     )
     settings = SeenSettings(
         d_self=request.d_self,
@@ -207,6 +213,7 @@ def describe_frame(
 
     camera, counts = space.cameras[0], space.counts()
     valid = image[(image > 0) & (image < 65535)] * camera.scale
+    far = max(valid.max(initial=0.0), camera.clear_m if seen.readings["clear"] else 0.0)
     times = []
     for k in range(9):  # the first frame of a process loads the kernels
         begun = time.process_time()
@@ -215,13 +222,15 @@ def describe_frame(
     return {
         "image": {"width": camera.width, "height": camera.height} | seen.readings,
         "scale": camera.scale,
-        "depth_m": [round(float(np.percentile(valid, p)), 4) for p in (0, 50, 100)],
+        "depth_m": [
+            round(float(np.percentile(valid, p)), 4) for p in (0, 50, 100) if len(valid)
+        ],
         "removed": seen.removed,
         "cells": counts,
         "points": len(seen.points),
         "covering_radius_m": seen.covering_radius,
         "certified": seen.certified,
-        "thinnest_m": camera.thinnest(float(valid.max())),
+        "thinnest_m": camera.thinnest(float(far)),
         "cpu_ms": round(float(np.median(times)), 3),
         "map_hash": space.cell_map.hash,
     }
@@ -265,21 +274,32 @@ def _show(file: Path, facts: dict) -> None:
     console, image = Console(), facts["image"]
     rows = ((name, str(n)) for name, n in facts["cells"].items())
     console.print(table_of(str(file), ("cells", "number"), rows))
-    low, middle, high = facts["depth_m"]
     pixels = image["width"] * image["height"]
     radius_cm, thinnest_mm = 100 * facts["covering_radius_m"], 1e3 * facts["thinnest_m"]
     lines = [
-        f"{image['valid']} of {pixels} pixels have a reading, {low:.2f} to {high:.2f} "
-        f"m away (median {middle:.2f} m) where a unit is {1e3 * facts['scale']:g} mm "
-        f"(--scale); {image['outside']} lie outside the grid.",
+        f"{image['valid']} of {pixels} pixels have a reading{_range(facts)}; "
+        f"{image['outside']} lie outside the grid.",
         f"{facts['points']} points for the planner, covering radius {radius_cm:.2f} "
         f"cm; certified: {facts['certified']}; things thinner than "
         f"{thinnest_mm:.1f} mm may be missed.",
         f"{facts['cpu_ms']:.2f} ms of CPU time a frame.",
     ]
+    if image["clear"]:
+        lines.append(f"{image['clear']} are clear: nothing is within --clear.")
     if image["flying"]:
         lines.append(f"{image['flying']} flying pixels were left out.")
     for link, n in facts["removed"].items():
         lines.append(f"{n} points were taken for {link}'s own.")
     for line in lines:
         console.print(line, highlight=False)
+
+
+def _range(facts: dict) -> str:
+    """Return how far away readings are, and by which unit; nothing where none is."""
+    if not facts["depth_m"]:
+        return ""
+    low, middle, high = facts["depth_m"]
+    return (
+        f", {low:.2f} to {high:.2f} m away (median {middle:.2f} m) where a unit is "
+        f"{1e3 * facts['scale']:g} mm (--scale)"
+    )

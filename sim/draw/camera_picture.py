@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from odm import SeenSpace
 
 OCCUPIED = CELL_NAMES.index("occupied")
+BEYOND = CELL_NAMES.index("out of reach")
 COLOURS = {
     "free": "#bfe3cf",
     "shadow": "#b9c0c8",
@@ -45,7 +46,8 @@ def _draw_image(
 ) -> None:
     depth = np.ma.masked_equal(np.where(image == 65535, 0, image), 0) * camera.scale
     axis.set_facecolor("#f3f5f7")
-    low, high = np.percentile(depth.compressed(), [1, 99])
+    valid = depth.compressed()
+    low, high = np.percentile(valid, [1, 99]) if len(valid) else (0.0, 1.0)
     shown = axis.imshow(depth, cmap="viridis_r", vmin=low, vmax=high)
     axis.set_xticks([])
     axis.set_yticks([])
@@ -58,11 +60,15 @@ def _draw_image(
 def _draw_slice(
     axis: object, space: "SeenSpace", cells: np.ndarray, q: np.ndarray, normal: int
 ) -> None:
-    """Draw the layer of cells with the most occupied ones, looking along an axis."""
+    """Draw the layer of cells with the most occupied ones, looking along an axis.
+
+    Where none is occupied, the layer with the most cells in reach.
+    """
     from matplotlib.colors import to_rgba
 
     grid, (plane, view) = space.cell_map.grid, style.VIEWS[normal]
-    layer = int((cells == OCCUPIED).sum(axis=plane).argmax())
+    chosen = cells == OCCUPIED if (cells == OCCUPIED).any() else cells != BEYOND
+    layer = int(chosen.sum(axis=plane).argmax())
     codes = np.take(cells, layer, axis=normal).T
     colours = np.ones((len(CELL_NAMES), 4))
     for name, colour in COLOURS.items():
@@ -104,7 +110,7 @@ def _frame(
 ) -> None:
     """Show what is in reach and the camera, not the empty corners of the grid."""
     grid, eye = space.cell_map.grid, space.cameras[0].T_base_camera[:3, 3]
-    shown = codes != CELL_NAMES.index("out of reach")
+    shown = codes != BEYOND
     for k, (line, set_limits) in enumerate(
         zip(plane, (axis.set_xlim, axis.set_ylim), strict=True)
     ):

@@ -1,6 +1,7 @@
 """`odm bench camera`: depth images in, cells and points out, robot in the picture."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ SIZE, FOCAL = (640, 480), 476.0
 ASKED_US = 3000.0
 VALID = (50_000, 80_000)  # readings of an image that the figure is asked for
 CLEAR = 0.15  # [m] from the person, where the robot stands and is to go
-CUT = 1.35  # times the distance of the base: readings beyond it are none
+CUT = 1.35  # times the distance of the base: readings beyond it are none, or clear
 
 
 def run(
@@ -63,11 +64,13 @@ def run(
     for name, used, kept, asked in (
         ("depth image -> cells", 1, "cut", {"p50": ASKED_US}),
         ("... every pixel has a reading", 1, "whole", {}),
+        ("... cut, 65535 where nothing is", 1, "clear", {}),
         ("... two cameras, cut", 2, "cut", {}),
     ):
         tell(name)
+        seen_by = [_cleared(c) for c in cameras] if kept == "clear" else cameras
         rows += _measure(
-            name, cell_map, cameras[:used], [i[:used] for i in images[kept]], (q, goal),
+            name, cell_map, seen_by[:used], [i[:used] for i in images[kept]], (q, goal),
             settings, frames, asked,
         )  # fmt: skip
     tell("a hand beside the robot")
@@ -95,6 +98,16 @@ def _camera_at(eye: list[float], target: list[float]) -> DepthCamera:
     return DepthCamera(*SIZE, FOCAL, FOCAL, *middle, pose, scale=0.00025)
 
 
+def _far(camera: DepthCamera) -> float:
+    """Return up to which depth an image that is cut off has readings [m]."""
+    return CUT * float(np.linalg.norm(camera.T_base_camera[:3, 3]))
+
+
+def _cleared(camera: DepthCamera) -> DepthCamera:
+    """Return the same camera, which tells where nothing is before its readings end."""
+    return replace(camera, clear_m=_far(camera))
+
+
 def _images(
     cell_map: CellMap,
     cameras: list[DepthCamera],
@@ -103,22 +116,26 @@ def _images(
     seed: int,
     n: int,
 ) -> dict[str, list[list[np.ndarray]]]:
-    """Render n images of each camera: cut off at short range, and of a whole room."""
+    """Render n images of each camera: of a whole room, and cut off at short range.
+
+    Twice: 0 is farther off, or 65535, which says so to a camera that is `_cleared`.
+    """
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, 3)
-    found: dict[str, list] = {"cut": [], "whole": []}
+    found: dict[str, list] = {"cut": [], "whole": [], "clear": []}
     bare = []
     for camera in cameras:
         room = DepthScene(camera).add_robot(cell_map.robot, q)
-        far = CUT * np.linalg.norm(camera.T_base_camera[:3, 3])
-        bare.append((room.depth_m.copy(), far, room.add_boxes(*far_box(reach)).depth_m))
+        bare.append((room.depth_m.copy(), room.add_boxes(*far_box(reach)).depth_m))
     for k in range(n):
         person = person_at(reach, 2 * np.pi * k / n + phase)
-        pair: dict[str, list] = {"cut": [], "whole": []}
-        for camera, (robot, far, room) in zip(cameras, bare, strict=True):
+        pair: dict[str, list] = {kept: [] for kept in found}
+        for camera, (robot, room) in zip(cameras, bare, strict=True):
             depth = DepthScene(camera).add_capsules(person).depth_m
             near = np.minimum(depth, robot)
-            pair["cut"].append(camera.from_metres(np.where(near < far, near, 0.0)))
+            near = np.where(near < _far(camera), near, np.inf)
+            pair["cut"].append(camera.from_metres(near))
+            pair["clear"].append(_cleared(camera).from_metres(near))
             pair["whole"].append(camera.from_metres(np.minimum(depth, room)))
         for kept, images in pair.items():
             found[kept].append(images)

@@ -228,11 +228,24 @@ def test_several_images_that_come_late_in_order_age_nothing(small_map, camera):
     space = after(small_map, camera, 0.05, memory_s=0.2, speed=0.0)
     image = hidden(picture(camera, HAND))
     for late in (4.9, 4.96, 5.02):  # two of them are in order again
-        space.update(image, Q, late)
+        assert "before the last" in space.update(image, Q, late).trouble
     assert space.update(image, Q, 5.15).trouble is None
     assert state_of(space, HAND_AT) == "remembered"  # 0.15 s old by now
     space.update(image, Q, 5.25)
     assert state_of(space, HAND_AT) == "unseen"
+
+
+@pytest.mark.parametrize("memory_s", [0.0, 0.3])
+def test_an_older_image_frees_nothing_that_a_newer_one_saw(small_map, camera, memory_s):
+    """Of several late ones in order the second was taken for what is there now."""
+    space = odm.SeenSpace(small_map, camera, odm.SeenSettings(memory_s=memory_s))
+    space.update(picture(camera, HAND), Q, 5.05)
+    for late in (4.9, 4.96, 5.02):
+        seen = space.update(picture(camera), Q, late)  # before the hand came
+        assert "before the last" in seen.trouble and np.isnan(seen.points).all()
+        assert seen.stamp == 5.05 and state_of(space, HAND_AT) == "occupied"
+    assert space.update(picture(camera), Q, 5.1).trouble is None
+    assert state_of(space, HAND_AT) == "free"
 
 
 def test_time_that_passes_in_unfit_frames_counts(small_map, camera):

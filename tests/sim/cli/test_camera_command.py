@@ -160,3 +160,30 @@ def test_the_bench_shows_times_and_the_hand(odm, map_dir, tmp_path):
     assert rows["... which is free without it"]["value"] == 1
     stay = [row for name, row in rows.items() if "points that stay" in name]
     assert len(stay) == 1 and stay[0]["value"] >= 95.0
+
+
+def test_an_image_of_an_empty_room_is_told_and_drawn(odm, map_dir, tmp_path):
+    png, file, plot = (tmp_path / n for n in ("empty.png", "c.json", "cells.png"))
+    Image.fromarray(np.full((120, 160), 65535, np.uint16)).save(png)
+    words = ["camera", png, "--map", map_dir, *EYE, *LENS]
+    code, out, err = odm(*words)
+    assert code == 1 and "sees nothing" in " ".join((out + err).split())
+    code, out, err = odm(*words, "--clear", "2.5", "--json", file, "--plot", plot)
+    assert code == 0, err
+    facts = json.loads(file.read_text())
+    assert facts["image"]["clear"] == 120 * 160 and facts["cells"]["free"] > 1000
+    assert facts["depth_m"] == [] and plot.stat().st_size > 1000
+    assert facts["thinnest_m"] == camera_at([1.3, 0, 0.5]).thinnest(2.5)
+    assert "19200 are clear" in " ".join(out.split())
+    code, out, err = odm(*words, "--clear", "50")
+    assert code == 2 and "clear_m 50.0 of empty.png" in " ".join((out + err).split())
+
+
+def test_an_image_of_far_walls_alone_is_drawn(odm, map_dir, tmp_path):
+    """No cell is occupied: the layer that was drawn was out of reach, and it fell."""
+    png, plot = tmp_path / "walls.png", tmp_path / "cells.png"
+    Image.fromarray(np.full((120, 160), 30000, np.uint16)).save(png)
+    words = ["camera", png, "--map", map_dir, *EYE, *LENS, "--plot", plot]
+    code, out, err = odm(*words)
+    assert code == 0, err
+    assert plot.stat().st_size > 1000
