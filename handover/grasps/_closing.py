@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from odm.exact import _distances as exact
-from odm.exact._distances import compose
+from odm.exact._distances import compose, point_at
 from roadmap.compiling.jit_options import BARE_INNER, FULL, FULL_INNER
 
 TURNS, SLIDES = 1, 2  # kinds of joints; 0: fixed
@@ -213,12 +213,8 @@ def touching(hand, state, points, within, link, gap):
     a = hand.solids
     middles = np.empty((a.kind.shape[0], 3))
     for i in range(a.kind.shape[0]):
-        f, ball = state.frames[i], a.ball[i]
-        for r in range(3):
-            turned = (
-                f[3 * r] * ball[0] + f[3 * r + 1] * ball[1] + f[3 * r + 2] * ball[2]
-            )
-            middles[i, r] = turned + f[9 + r]
+        at = point_at(state.frames[i], a.ball[i])
+        middles[i, 0], middles[i, 1], middles[i, 2] = at
     for k in range(points.kind.shape[0]):
         link[k], gap[k] = -1, within
         point = points.ball[k]

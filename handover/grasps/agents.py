@@ -9,10 +9,8 @@ from handover.grasps.hands import HandSpec, hand_spec
 from handover.human.anthropometry import ARM_JOINTS
 from handover.human.human import Human
 from handover.human.postures import POSTURES
-from roadmap import load_robot
 from roadmap.errors import BadInput, did_you_mean
 from roadmap.robot.known import known_robot
-from roadmap.robot.robot import Robot
 from roadmap.transforms import pose_of
 
 
@@ -37,24 +35,6 @@ class AgentArm:
     def spec(self) -> HandSpec:
         """What is known of the hand."""
         return self.hand if isinstance(self.hand, HandSpec) else hand_spec(self.hand)
-
-    def load(
-        self, locked: Mapping[str, float] | None = None, cover_excess: float = 0.015
-    ) -> Robot:
-        """Return the robot of this arm; see `roadmap.load_robot`.
-
-        Args:
-            locked: Where joints of the rest of the body, and fingers, stand; those of
-                the hand that are not named stand open.
-            cover_excess: Of its sphere cover [m].
-        """
-        hand = self.spec
-        stands = {**hand.preshapes[0], **(locked or {})}
-        if self.robot == "panda":  # its fingers may travel, unless a grasp says where
-            stands = dict(locked or {})
-        return load_robot(
-            self.robot, tip=self.tip, locked=stands, cover_excess=cover_excess
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """A hand ready to grasp: its links and solids as arrays, read from its robot's URDF."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
@@ -131,8 +131,7 @@ def _finished(hand: Hand, description: Description) -> Hand:
             continue
         pairs.append((a, b))
     rows = np.array(pairs, np.int64).reshape(-1, 2)
-    fields = {**vars(hand), "pairs": rows, "reach": reaches[0]}
-    return Hand(**{**fields, "longest": max(reaches)})
+    return replace(hand, pairs=rows, reach=reaches[0], longest=max(reaches))
 
 
 def _farthest(frames: np.ndarray, balls: np.ndarray) -> float:

@@ -136,7 +136,8 @@ def _grasps_of(
     Which way its joints close is not in a URDF: the way that holds the object does.
     """
     _check_axis(robot, tip, pads)
-    front = _front_of(robot, pads)
+    balls, _ = _balls_of_hand(robot, pads)
+    front = float((balls[:, 2] + balls[:, 3]).max()) if len(balls) else 0.0
     T_tool_palm = pose_of((0.0, 0.0, front + GRIPPER_KEEPS - GRASPING.gap))
     found, why = None, ""
     for closes in (0, 1):
@@ -151,17 +152,14 @@ def _grasps_of(
         if found is None or len(grasps.T_object_palm) > len(found[0].T_object_palm):
             found = grasps, hand, T_tool_palm
     if found is None:
+        sides = np.ptp(np.concatenate(thing.triangles()).reshape(-1, 3), axis=0)
+        size = " x ".join(f"{100 * side:.0f}" for side in sides)
         raise BadInput(
             f"{robot.name}'s gripper ({', '.join(pads)}) cannot hold {thing.name} of "
-            f"{_size_of(thing)}: {why or 'its pads do not reach beyond the hand'}; "
+            f"{size} cm: {why or 'its pads do not reach beyond the hand'}; "
             "give an object that fits between the pads"
         )
     return found
-
-
-def _size_of(thing: GraspObject) -> str:
-    points = np.concatenate(thing.triangles()).reshape(-1, 3)
-    return " x ".join(f"{100 * size:.0f}" for size in np.ptp(points, axis=0)) + " cm"
 
 
 def _check_axis(robot: Robot, tip: str, pads: Sequence[str]) -> None:
@@ -180,12 +178,6 @@ def _check_axis(robot: Robot, tip: str, pads: Sequence[str]) -> None:
         "--tip, whose z points out of the hand (a fixed link of that kind can be added "
         "to the URDF)"
     )
-
-
-def _front_of(robot: Robot, pads: Sequence[str]) -> float:
-    """Return how far before the tool the hand without its pads reaches [m]."""
-    balls, _ = _balls_of_hand(robot, pads)
-    return float((balls[:, 2] + balls[:, 3]).max()) if len(balls) else 0.0
 
 
 def _balls_of_hand(robot: Robot, pads: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

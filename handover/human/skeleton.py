@@ -78,16 +78,11 @@ class Skeleton:
 
 @lru_cache(maxsize=64)
 def _of_height(height: float) -> Skeleton:
-    return _fractions().scaled(height)
-
-
-def _fractions() -> Skeleton:
-    """Return all lengths as fractions of the height."""
     side = np.array([[1.0], [-1.0]])
     shoulder = [0.0, body.SHOULDER_HALF_BREADTH, body.TRUNK_TO_SHOULDER]
     hip = [0.0, body.HIP_HALF_BREADTH, -body.PELVIS_TO_HIP]
     mirror = np.hstack([side * side, side, side * side])
-    return Skeleton(
+    whole = Skeleton(  # of a height of 1
         trunk=body.PELVIS_TO_TRUNK,
         shoulders=mirror * shoulder,
         neck=np.array([0.0, 0.0, body.TRUNK_TO_NECK]),
@@ -97,3 +92,4 @@ def _fractions() -> Skeleton:
         hands=np.full(2, body.HAND),
         legs=np.array([body.THIGH, body.SHANK, body.ANKLE, body.FOOT]),
     )
+    return whole.scaled(height)

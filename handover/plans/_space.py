@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from odm.exact._distances import point_at
 from roadmap.compiling.jit_options import BARE, BARE_INNER, FULL_INNER, WITHIN_INNER
 from roadmap.geometry._gjk import Shell, separation
-from roadmap.kinematics._forward import body_frames
+from roadmap.kinematics._forward import body_frames, turned
 from roadmap.kinematics._inverse import descend
 from roadmap.kinematics._seven import solve_all
 
@@ -63,22 +64,13 @@ class Scratch(NamedTuple):
 @njit(**BARE_INNER)
 def put_balls(space, first, end, scratch):
     """Write where the balls of groups first..end and of their parts are."""
-    frames = scratch.frames
+    frames, at = scratch.frames, scratch.part_at
     for g in range(first, end):
-        f, c, out = frames[space.group_body[g]], space.group_ball[g], scratch.group_at
-        for k in range(3):
-            out[g, k] = (
-                f[3 * k] * c[0] + f[3 * k + 1] * c[1] + f[3 * k + 2] * c[2] + f[9 + k]
-            )
+        out, f = scratch.group_at[g], frames[space.group_body[g]]
+        out[0], out[1], out[2] = point_at(f, space.group_ball[g])
         for i in range(space.group_span[g, 0], space.group_span[g, 1]):
-            f, c, out = frames[space.part_body[i]], space.part_ball[i], scratch.part_at
-            for k in range(3):
-                out[i, k] = (
-                    f[3 * k] * c[0]
-                    + f[3 * k + 1] * c[1]
-                    + f[3 * k + 2] * c[2]
-                    + f[9 + k]
-                )
+            f = frames[space.part_body[i]]
+            at[i, 0], at[i, 1], at[i, 2] = point_at(f, space.part_ball[i])
 
 
 @njit(**FULL_INNER)
@@ -173,9 +165,7 @@ def arm_of(space, g, scratch):
             arms[j] = math.inf
             continue
         f, a = scratch.frames[body], space.tree_f[body]
-        ax = f[0] * a[12] + f[1] * a[13] + f[2] * a[14]
-        ay = f[3] * a[12] + f[4] * a[13] + f[5] * a[14]
-        az = f[6] * a[12] + f[7] * a[13] + f[8] * a[14]
+        ax, ay, az = turned(f, a[12], a[13], a[14])
         x, y, z = center[0] - f[9], center[1] - f[10], center[2] - f[11]
         u, v, w = y * az - z * ay, z * ax - x * az, x * ay - y * ax
         arms[j] = math.sqrt(u * u + v * v + w * w) + space.group_ball[g, 3]

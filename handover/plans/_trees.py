@@ -177,18 +177,13 @@ def write_route(trees, a, new, other):
         m += 1
     if n + m - 1 > trees.route.shape[0]:
         return False
-    k, i = n - 1, first
-    while i >= 0:
-        copy_row(trees.q[0, i], trees.route[k])
-        trees.ends[0] = i
-        i = trees.parent[0, i]
-        k -= 1
-    k, i = n - 1, last
-    while i >= 0:
-        copy_row(trees.q[1, i], trees.route[k])
-        trees.ends[1] = i
-        i = trees.parent[1, i]
-        k += 1
+    for side in range(2):  # from where they meet, to the start and to the goal
+        k, i = n - 1, first if side == 0 else last
+        while i >= 0:
+            copy_row(trees.q[side, i], trees.route[k])
+            trees.ends[side] = i
+            i = trees.parent[side, i]
+            k += 2 * side - 1
     trees.corners[0] = n + m - 1
     return True
 

@@ -184,12 +184,12 @@ def tuples(
                 if late():
                     raise OutOfTime("the choice of grasps and pose")
                 report.poses[0] += 1
-                hold = partial(_carry, receiver, waits["giver"], T_palm_object)
+                hold = partial(receiver.carry, waits["giver"], T_palm_object)
                 q_receiver = _taken(taking, found[0], T, hold)
                 if q_receiver is None:
                     continue
                 report.poses[1] += 1
-                stand = partial(_stand, giver, q_receiver, T)
+                stand = partial(giver.stand, q_receiver, T, touching=True)
                 for g, q_start, q, value in _given(
                     giving.look(T, np.flatnonzero(use & ~clash), stand, True, False),
                     starts, clash, report.unpickable,
@@ -224,28 +224,15 @@ class Kept:
 
 def _at_goal(scene: Scene, taking: Grasper, giver: np.ndarray) -> LazyGrasps:
     """Look at all grasps of the receiver at the goal; the giver's joints (dof,)."""
-    stand = partial(_stand, taking.mover, giver, scene.T_world_goal)
+    stand = partial(taking.mover.stand, giver, scene.T_world_goal, touching=True)
     return taking.look(scene.T_world_goal, np.arange(len(taking.grasps)), stand)
 
 
 def _at_start(scene: Scene, giving: Grasper, receiver: np.ndarray) -> LazyGrasps:
     """Look at all grasps of the giver at the start; the receiver's joints (dof,)."""
-    stand = partial(_stand, giving.mover, receiver, scene.T_world_start)
+    stand = partial(giving.mover.stand, receiver, scene.T_world_start, touching=True)
     every = np.arange(len(giving.grasps))
     return giving.look(scene.T_world_start, every, stand, hands=True, rated=False)
-
-
-def _stand(mover: Mover, other: np.ndarray, T_world_object: np.ndarray) -> None:
-    """Put the other arm and the object where they are; hands may touch the object."""
-    mover.put_other(other)
-    mover.put_object(T_world_object)
-    mover.let_touch()
-
-
-def _carry(mover: Mover, other: np.ndarray, T_palm_object: np.ndarray) -> None:
-    """Put the other arm where it is; the mover's hand holds the object."""
-    mover.put_other(other)
-    mover.hold(T_palm_object)
 
 
 def steps_of(pair: Pair, settings: PlanSettings) -> Iterator[tuple]:

@@ -43,7 +43,6 @@ class AgentModel:
     description: Description  # its URDF
     tree: BodyTree  # its bodies, for all driving joints
     parts: tuple[Part, ...]  # all its convex parts
-    neighbours: frozenset[frozenset[str]]  # pairs of links joined by a joint
 
     def frames(self, values: dict[str, float]) -> np.ndarray:
         """Return (n_bodies, 12) poses in the base frame, joints at `values`."""
@@ -128,9 +127,7 @@ def agent_model(source: str) -> AgentModel:
             Part(name, tree.link_body[name], points, radius)
             for points, radius in _convex(solids)
         ]
-    return AgentModel(
-        description, tree, tuple(parts), frozenset(description.adjacent())
-    )
+    return AgentModel(description, tree, tuple(parts))
 
 
 def _convex(solids: list[Solid]) -> list[tuple[np.ndarray, float]]:

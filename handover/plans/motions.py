@@ -7,10 +7,12 @@ tuple is worked out once for all of them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 
+from handover.grasps.grasp_set import GraspSet
 from handover.plans.choose import HandoverChoice, Kept, Pair, Report
 from handover.plans.limb import Limb
 from handover.plans.paths import SAME, Blocked, Clock, Paths
@@ -30,7 +32,6 @@ class PlannedMotion:
         motion: Timed; its time 0 is `begin` of the plan.
         begin: [s]
         holds: Whether the one that moves holds the object.
-        T_palm_object: (4, 4) then.
     """
 
     name: str
@@ -39,7 +40,6 @@ class PlannedMotion:
     motion: Motion
     begin: float
     holds: bool
-    T_palm_object: np.ndarray | None
 
     @property
     def end(self) -> float:
@@ -171,16 +171,12 @@ class MotionPlanner:
 
     def _starts(self, chosen: HandoverChoice) -> Iterator[_Start]:
         """Yield ways to grasp and lift: line, fingers, lift. Blocked: there is none."""
-        giver, g, trouble, found = self.pair.giver, chosen.grasp_giver, None, False
+        g, trouble, found = chosen.grasp_giver, None, False
         wide = self.pair.of_giver.preshape[g]
         for slanted in (False, True):
-            every = self.giver.postures(chosen.q_start, wide, self.giver.home)
-            for k in range(self.settings.postures + 1):
-                self._put_giver_at_start()
-                giver.let_touch()
-                q = next(every, None)
-                if q is None:
-                    break
+            every = self.giver.postures(chosen.q_start, wide)
+            most, put = self.settings.postures + 1, self._put_giver_at_start
+            for k, q in enumerate(_put_before(every, most, put)):
                 try:
                     pre, line, up = self._pick(g, q, slanted)
                 except Blocked as blocked:
@@ -196,15 +192,10 @@ class MotionPlanner:
 
     def _pick(self, g: int, q: np.ndarray, slanted: bool) -> tuple:
         """Return (where the line begins, line and closing hand, lift) of the giver."""
-        giver, paths, grasps = self.pair.giver, self.giver, self.pair.of_giver
-        q_open = _with_hand(giver.limb, q, grasps.preshape[g])
-        pre, line = paths.line_to(q_open, "the pick", (grasps, g), slanted)
-        self._put_giver_at_start()
-        giver.let_touch()
-        close = _closing(giver.limb, q_open, q)
-        paths.prove(close, "closing the giver's hand")
-        giver.hold(np.linalg.inv(grasps.T_object_palm[g]))
-        return pre, np.vstack([line, close[1:]]), paths.lift(q)
+        paths, grasps, put = self.giver, self.pair.of_giver, self._put_giver_at_start
+        pre, pick = _grasped(paths, q, (grasps, g), "the pick", "giver", put, slanted)
+        paths.mover.hold(np.linalg.inv(grasps.T_object_palm[g]))
+        return pre, pick, paths.lift(q)
 
     def _goal(self, chosen: HandoverChoice) -> _Goal:
         """Return how the receiver lets go at the goal: lift, fingers, line."""
@@ -212,11 +203,9 @@ class MotionPlanner:
         if scene.goal_held:
             return _Goal(None)
         receiver, paths = self.pair.receiver, self.receiver
-        receiver.put_other(self.giver.home)
-        receiver.hold(np.linalg.inv(grasps.T_object_palm[g]))
+        self._put_receiver_to_carry(g)
         down = paths.lift(chosen.q_goal)[::-1]
-        receiver.put_object(scene.T_world_goal)
-        receiver.let_touch()
+        receiver.stand(self.giver.home, scene.T_world_goal, touching=True)
         q_open = _with_hand(receiver.limb, chosen.q_goal, grasps.preshape[g])
         opening = _closing(receiver.limb, q_open, chosen.q_goal)[::-1]
         paths.prove(opening, "opening the receiver's hand")
@@ -242,16 +231,11 @@ class MotionPlanner:
 
         All with one posture of the receiver, and some of the giver.
         """
-        pair, trouble = self.pair, None
-        tries = self.settings.meetings if hard else 1
-        wide = pair.of_receiver.preshape[chosen.grasp_receiver]
-        every = self.receiver.postures(chosen.q_receiver, wide, self.receiver.home)
-        for _ in range(tries):
-            self._put_receiver_to_take(chosen, chosen.q_giver)
-            pair.receiver.let_touch()
-            q_receiver = next(every, None)
-            if q_receiver is None:
-                break
+        trouble, tries = None, self.settings.meetings if hard else 1
+        wide = self.pair.of_receiver.preshape[chosen.grasp_receiver]
+        put = partial(self._put_receiver_to_take, chosen, chosen.q_giver)
+        every = self.receiver.postures(chosen.q_receiver, wide)
+        for q_receiver in _put_before(every, tries, put):
             try:
                 if not hard:  # what fails most often comes first
                     self._release(chosen, chosen.q_giver, q_receiver)
@@ -268,14 +252,12 @@ class MotionPlanner:
         self, chosen: HandoverChoice, q_receiver: np.ndarray, taken: tuple, tries: int
     ) -> list[_Meeting]:
         """Return how the giver leaves the object to the receiver."""
-        pair, trouble, met = self.pair, None, []
-        wide = pair.of_giver.preshape[chosen.grasp_giver]
-        every = self.giver.postures(chosen.q_giver, wide, self.giver.home)
-        for _ in range(tries):
-            self._put_giver_to_leave(chosen, q_receiver)
-            pair.giver.let_touch()
-            q_giver = next(every, None)
-            if q_giver is None or len(met) == self.settings.starts:
+        trouble, met = None, []
+        wide = self.pair.of_giver.preshape[chosen.grasp_giver]
+        put = partial(self._put_giver_to_leave, chosen, q_receiver)
+        every = self.giver.postures(chosen.q_giver, wide)
+        for q_giver in _put_before(every, tries, put):
+            if len(met) == self.settings.starts:
                 break
             try:
                 left = self._release(chosen, q_giver, q_receiver)
@@ -296,16 +278,9 @@ class MotionPlanner:
         self, chosen: HandoverChoice, q_giver: np.ndarray, q: np.ndarray
     ) -> tuple:
         """Return (where the line begins, line and closing hand) of the receiver."""
-        receiver, grasps = self.pair.receiver, self.pair.of_receiver
-        g, paths = chosen.grasp_receiver, self.receiver
-        self._put_receiver_to_take(chosen, q_giver)
-        q_open = _with_hand(receiver.limb, q, grasps.preshape[g])
-        pre, line = paths.line_to(q_open, "the take", (grasps, g))
-        self._put_receiver_to_take(chosen, q_giver)
-        receiver.let_touch()
-        close = _closing(receiver.limb, q_open, q)
-        paths.prove(close, "closing the receiver's hand")
-        return pre, np.vstack([line, close[1:]])
+        put = partial(self._put_receiver_to_take, chosen, q_giver)
+        held = self.pair.of_receiver, chosen.grasp_receiver
+        return _grasped(self.receiver, q, held, "the take", "receiver", put)
 
     def _release(
         self, chosen: HandoverChoice, q: np.ndarray, q_receiver: np.ndarray
@@ -316,15 +291,14 @@ class MotionPlanner:
         q_open = _with_hand(giver.limb, q, grasps.preshape[g])
         self._put_giver_to_leave(chosen, q_receiver)  # the line fails most often
         pre, line = paths.line_to(q_open, "the giver's retreat", (grasps, g))
-        self._put_giver_to_leave(chosen, q_receiver)
-        giver.let_touch()
+        self._put_giver_to_leave(chosen, q_receiver, touching=True)
         opening = _closing(giver.limb, q_open, q)[::-1]
         paths.prove(opening, "opening the giver's hand")
         return opening, pre, line
 
     def _offered(self, chosen: HandoverChoice, q_giver: np.ndarray) -> None:
         """Look whether the giver can hold the object where it is handed over."""
-        self._put_giver_to_carry(chosen)
+        self._put_giver_to_carry(chosen.grasp_giver)
         _, trouble = self.pair.giver.why(q_giver)
         if trouble:
             raise Blocked(f"offer: {trouble}")
@@ -335,9 +309,8 @@ class MotionPlanner:
         self, starts: Kept, met: _Meeting, budget: int
     ) -> tuple[_Start, np.ndarray]:
         """Return the path of the object, and where it begins."""
-        giver, every = self.pair.giver, starts.first(self.settings.starts)
-        giver.put_other(self.receiver.home)
-        giver.hold(np.linalg.inv(self.pair.of_giver.T_object_palm[every[0].key[0]]))
+        every = starts.first(self.settings.starts)
+        self._put_giver_to_carry(every[0].key[0])
         begin = np.array([start.up[-1] for start in every])
         path, first, _ = self.giver.between(begin, met.q_giver[None], "carry", budget)
         if len(path) == 2:
@@ -369,9 +342,8 @@ class MotionPlanner:
         self, chosen: HandoverChoice, met: _Meeting, goal: _Goal, budget: int
     ) -> list[Piece]:
         """Receiver: bring the object to the goal; let go where that carries it."""
-        receiver, g = self.pair.receiver, chosen.grasp_receiver
-        receiver.put_other(self.giver.home)
-        receiver.hold(np.linalg.inv(self.pair.of_receiver.T_object_palm[g]))
+        g = chosen.grasp_receiver
+        self._put_receiver_to_carry(g)
         end = chosen.q_goal if goal.down is None else goal.down[0]
         path, _, _ = self.receiver.between(
             met.q_receiver[None], end[None], "place", budget
@@ -391,32 +363,31 @@ class MotionPlanner:
         ]  # fmt: skip
 
     def _home_from_goal(self, goal: _Goal, budget: int) -> np.ndarray:
-        self.pair.receiver.put_other(self.giver.home)
-        self.pair.receiver.put_object(self.scene.T_world_goal)
+        self.pair.receiver.stand(self.giver.home, self.scene.T_world_goal)
         return self.receiver.reach(goal.pre[None], "the receiver's way home", budget)[0]
 
     # --- who stands where -------------------------------------------------------------
 
-    def _put_giver_at_start(self) -> None:
-        self.pair.giver.put_other(self.receiver.home)
-        self.pair.giver.put_object(self.scene.T_world_start)
+    def _put_giver_at_start(self, touching: bool = False) -> None:
+        self.pair.giver.stand(self.receiver.home, self.scene.T_world_start, touching)
 
-    def _put_giver_to_carry(self, chosen: HandoverChoice) -> None:
-        self.pair.giver.put_other(self.receiver.home)
-        T = self.pair.of_giver.T_object_palm[chosen.grasp_giver]
-        self.pair.giver.hold(np.linalg.inv(T))
+    def _put_giver_to_carry(self, g: int) -> None:
+        T_palm_object = np.linalg.inv(self.pair.of_giver.T_object_palm[g])
+        self.pair.giver.carry(self.receiver.home, T_palm_object)
+
+    def _put_receiver_to_carry(self, g: int) -> None:
+        T_palm_object = np.linalg.inv(self.pair.of_receiver.T_object_palm[g])
+        self.pair.receiver.carry(self.giver.home, T_palm_object)
 
     def _put_receiver_to_take(
-        self, chosen: HandoverChoice, q_giver: np.ndarray
+        self, chosen: HandoverChoice, q_giver: np.ndarray, touching: bool = False
     ) -> None:
-        self.pair.receiver.put_other(q_giver)
-        self.pair.receiver.put_object(chosen.T_world_handover)
+        self.pair.receiver.stand(q_giver, chosen.T_world_handover, touching)
 
     def _put_giver_to_leave(
-        self, chosen: HandoverChoice, q_receiver: np.ndarray
+        self, chosen: HandoverChoice, q_receiver: np.ndarray, touching: bool = False
     ) -> None:
-        self.pair.giver.put_other(q_receiver)
-        self.pair.giver.put_object(chosen.T_world_handover)
+        self.pair.giver.stand(q_receiver, chosen.T_world_handover, touching)
 
     # --- what is known ----------------------------------------------------------------
 
@@ -455,6 +426,40 @@ class MotionPlanner:
         return path
 
 
+def _put_before(
+    every: Iterator[np.ndarray], most: int, put: Callable[..., None]
+) -> Iterator[np.ndarray]:
+    """Yield so many of some postures; before each, all else is put where it is."""
+    for _ in range(most):
+        put(touching=True)
+        if (q := next(every, None)) is None:
+            return
+        yield q
+
+
+def _grasped(
+    paths: Paths,
+    q: np.ndarray,
+    held: tuple[GraspSet, int],
+    what: str,
+    who: str,
+    put: Callable[..., None],
+    slanted: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the straight line to a grasp begins, and line and closing hand.
+
+    `put` puts all else where it is, and says whether the hand may touch the object.
+    """
+    limb, (grasps, g) = paths.mover.limb, held
+    q_open = _with_hand(limb, q, grasps.preshape[g])
+    put()
+    pre, line = paths.line_to(q_open, what, held, slanted)
+    put(touching=True)
+    close = _closing(limb, q_open, q)
+    paths.prove(close, f"closing the {who}'s hand")
+    return pre, np.vstack([line, close[1:]])
+
+
 def _closing(limb: Limb, q_open: np.ndarray, q_shut: np.ndarray) -> np.ndarray:
     """Return corners of a hand that closes as its grasp was made.
 
@@ -483,17 +488,12 @@ def _with_hand(limb: Limb, q: np.ndarray, fingers: np.ndarray) -> np.ndarray:
     return np.concatenate([q[: limb.n_arm], fingers])
 
 
-def timed(
-    pieces: list[Piece], pair: Pair, chosen: HandoverChoice
-) -> tuple[PlannedMotion, ...]:
+def timed(pieces: list[Piece], pair: Pair) -> tuple[PlannedMotion, ...]:
     """Time pieces one after the other, within all limits of their joints.
 
     The arm stops in every corner, so that what is executed is what was proved.
     """
-    begin, motions, held = 0.0, [], {
-        "giver": pair.of_giver.T_object_palm[chosen.grasp_giver],
-        "receiver": pair.of_receiver.T_object_palm[chosen.grasp_receiver],
-    }  # fmt: skip
+    begin, motions = 0.0, []
     for piece in pieces:
         limb = (pair.giver if piece.who == "giver" else pair.receiver).limb
         limits = SimpleNamespace(  # what timing reads of a robot
@@ -503,11 +503,7 @@ def timed(
             max_jerk=limb.max_jerk,
         )  # fmt: skip
         motion = time_path(limits, piece.path, blend=0.0)
-        T = np.linalg.inv(held[piece.who]) if piece.holds else None
-        motions.append(
-            PlannedMotion(
-                piece.name, piece.who, limb.joints, motion, begin, piece.holds, T
-            )
-        )
+        named = piece.name, piece.who, limb.joints
+        motions.append(PlannedMotion(*named, motion, begin, piece.holds))
         begin += motion.duration
     return tuple(motions)

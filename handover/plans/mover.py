@@ -5,7 +5,6 @@ arm holds it. The other agent's arm and the object are bodies of their own, so t
 are put elsewhere by writing a pose.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -123,7 +122,7 @@ class Mover:
     def _groups(self, scene, placed, other_placed) -> tuple[list, list]:
         """Return groups (name, body of the ball, parts), and links fingers shun."""
         limb, other = self.limb, self.other
-        groups = _limb_groups(limb, 0, limb.groups)
+        groups = _limb_groups(limb, 0)
         self.hand_group = len(groups) - 1
         fingers = _fingers(groups, limb, placed.body.neighbours)
         groups += [fingers[a] for a in fingers]
@@ -131,7 +130,7 @@ class Mover:
         thing = [(self._object, points, 0.0) for points in _hulls(scene.obj)]
         groups.append(("object", self._object, thing))
         groups += [
-            *_limb_groups(other, self._first_other, other.groups),
+            *_limb_groups(other, self._first_other),
             *_rest(placed, limb, self._world, "own "),
             *_rest(other_placed, other, self._world, "other "),
             *(
@@ -220,6 +219,20 @@ class Mover:
         space.margin[rows.still] = _OFF  # neither moves
         space.reach[rows.limb] = group_reaches(self.limb)[rows.group]
         self._moved()
+
+    def stand(
+        self, q_other: np.ndarray, T_world_object: np.ndarray, touching: bool = False
+    ) -> None:
+        """Let the other arm and the object stand; may hands be `touching` it?"""
+        self.put_other(q_other)
+        self.put_object(T_world_object)
+        if touching:
+            self.let_touch()
+
+    def carry(self, q_other: np.ndarray, T_palm_object: np.ndarray) -> None:
+        """Let the other arm stand, and the hand hold the object."""
+        self.put_other(q_other)
+        self.hold(T_palm_object)
 
     def hold(self, T_palm_object: np.ndarray) -> None:
         """Let the hand hold the object: it goes with the palm, and touches the hand."""
@@ -397,10 +410,10 @@ def limb_frames(limb: Limb, T_mount: np.ndarray, q: np.ndarray) -> np.ndarray:
     return frames
 
 
-def _limb_groups(limb: Limb, first: int, groups: Sequence) -> list[tuple]:
+def _limb_groups(limb: Limb, first: int) -> list[tuple]:
     """Return groups of a limb whose bodies begin at row `first`."""
     found = []
-    for name, begin, end in groups:
+    for name, begin, end in limb.groups:
         members = limb.parts[begin:end]
         body = limb.palm if name == "hand" else members[0].body
         parts = [(first + p.body, p.points, p.radius) for p in members]

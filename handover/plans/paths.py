@@ -83,9 +83,7 @@ class Paths:
         self.mover, self.home, self.settings = mover, home, settings
         self.clock = clock
         self._trees = _trees(mover.limb.dof)
-        self._arm = None
-        if mover.limb.seven is not None:
-            self._arm = solver_of(mover.limb)
+        self._arm = None if mover.limb.seven is None else solver_of(mover.limb)
         self._chain = mover.limb.chain.arrays
         self._descent, self._trial = descent_of(self._chain), np.zeros(mover.limb.n_arm)
         self._limits = np.stack([mover.limb.lower, mover.limb.upper], axis=1)
@@ -252,20 +250,18 @@ class Paths:
             )
         return free
 
-    def postures(
-        self, q: np.ndarray, wide: np.ndarray, near: np.ndarray
-    ) -> Iterator[np.ndarray]:
+    def postures(self, q: np.ndarray, wide: np.ndarray) -> Iterator[np.ndarray]:
         """Yield q, then other free joints with the same pose of the palm.
 
         Args:
             q: (dof,) with the hand closed.
-            wide: (k,) fingers of the open hand, which must be free, too.
-            near: (dof,) the others come in the order of how far they are from here.
+            wide: (k,) fingers of the open hand, which must be free, too. The others
+                come in the order of how far they are from where the arm waits.
         """
         yield q
         n = self.mover.limb.n_arm
         found = self._postures(q, wide)
-        far = np.abs(found[:, :n] - near[:n]).max(axis=1)
+        far = np.abs(found[:, :n] - self.home[:n]).max(axis=1)
         found = found[np.argsort(far, kind="stable")]
         for other in found[: self.settings.postures]:
             if np.abs(other - q).max() > 1e-6:

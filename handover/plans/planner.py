@@ -333,7 +333,7 @@ class _Search:
         moving = self.clock.spent
         self.found = True
         pieces, used = found
-        done = timed(pieces, pair, used)
+        done = timed(pieces, pair)
         tried.seconds += self.clock.spent - moving
         report.step = used.step
         report.seconds |= {

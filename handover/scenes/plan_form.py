@@ -8,33 +8,21 @@ from roadmap.ranges import is_real, told
 from roadmap.transforms import check_pose
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
-
-
 def _is_finite(value: object) -> bool:
     return is_real(value) and math.isfinite(value)
 
 
-def _is_end(value: object) -> bool:
-    return value is None or _is_finite(value)
-
-
-def _are_texts(value: object) -> bool:
-    return isinstance(value, list) and all(map(_is_text, value))
-
-
-def _are_joints(value: object) -> bool:
-    return isinstance(value, Mapping) and all(map(_is_finite, value.values()))
-
-
 _KINDS = {
-    "a text": _is_text,
+    "a text": lambda v: isinstance(v, str),
     "a finite number": _is_finite,
-    "a finite number or null": _is_end,
-    "a list": lambda value: isinstance(value, list),
-    "a list of texts": _are_texts,
-    "joints, each with a finite number": _are_joints,
+    "a finite number or null": lambda v: v is None or _is_finite(v),
+    "a list": lambda v: isinstance(v, list),
+    "a list of texts": lambda v: (
+        isinstance(v, list) and all(isinstance(text, str) for text in v)
+    ),
+    "joints, each with a finite number": lambda v: (
+        isinstance(v, Mapping) and all(map(_is_finite, v.values()))
+    ),
 }
 _TEXT, _NUMBER, _END, _LIST, _TEXTS, _JOINTS = _KINDS
 _POSE = "a pose"

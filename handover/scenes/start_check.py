@@ -1,7 +1,7 @@
 """Whether a scene can begin: exact distances between all that is there at the start."""
 
-from collections.abc import Iterable
-from itertools import combinations
+from collections.abc import Iterable, Iterator
+from itertools import combinations, product
 
 import numpy as np
 
@@ -25,14 +25,14 @@ def start_distances(scene: Scene) -> list[tuple[float, str, str]]:
     giver, receiver = _links(scene.giver), _links(scene.receiver)
     thing = {scene.obj.name: obstacles_of(scene.object_shapes(scene.T_world_start))}
     fixed = _by_name((f.name, f.shape) for f in scene.scenery)
-    found = _between(giver, receiver)
-    for group in (giver, receiver, thing):
-        found += _between(group, fixed)
-    for group in (giver, receiver):
-        found += _between(group, thing)
+    both = [*giver.items(), *receiver.items()]  # who may have the same name
+    pairs = list(product(giver.items(), receiver.items()))
+    pairs += product([*both, *thing.items()], fixed.items())
+    pairs += product(both, thing.items())
     for agent, group in ((scene.giver, giver), (scene.receiver, receiver)):
-        found += _within(agent, group)
-    return sorted(found)
+        pairs += _within(agent, group)
+    far = [(_distance(a, b), one, other) for (one, a), (other, b) in pairs]
+    return sorted(row for row in far if row[0] < _CAP)
 
 
 def check_start(scene: Scene) -> None:
@@ -60,30 +60,15 @@ def _by_name(named: Iterable[tuple[str, Shape]]) -> dict[str, ExactObstacles]:
     return {name: obstacles_of(shapes) for name, shapes in groups.items()}
 
 
-def _between(
-    some: dict[str, ExactObstacles], others: dict[str, ExactObstacles]
-) -> list[tuple[float, str, str]]:
-    found = []
-    for one, a in some.items():
-        for other, b in others.items():
-            distance = _distance(a, b)
-            if distance < _CAP:
-                found.append((distance, one, other))
-    return found
-
-
 def _within(
     placed: PlacedAgent, group: dict[str, ExactObstacles]
-) -> list[tuple[float, str, str]]:
-    found, linked = [], _linkages(placed)
-    for one, other in combinations(group, 2):
-        links = one.partition("/")[2], other.partition("/")[2]
-        if links in placed.body.neighbours or frozenset(links) in linked:
-            continue
-        distance = _distance(group[one], group[other])
-        if distance < _CAP:
-            found.append((distance, one, other))
-    return found
+) -> Iterator[tuple[tuple[str, ExactObstacles], tuple[str, ExactObstacles]]]:
+    """Yield the pairs of an agent's links that must not touch."""
+    linked = _linkages(placed)
+    for one, other in combinations(group.items(), 2):
+        links = one[0].partition("/")[2], other[0].partition("/")[2]
+        if links not in placed.body.neighbours and frozenset(links) not in linked:
+            yield one, other
 
 
 def _linkages(placed: PlacedAgent) -> set[frozenset[str]]:

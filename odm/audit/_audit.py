@@ -12,6 +12,7 @@ from odm.exact._distances import Convexes, compose, core_distance, point_at
 from odm.obstacles._cloud import Cloud
 from odm.obstacles._occupancy import clear, item_hit, mark_points, sort_points
 from odm.obstacles._solids import Solids as Shapes
+from odm.obstacles._surfaces import tube_frame
 from roadmap.compiling.jit_options import FULL, FULL_INNER, INNER
 from roadmap.geometry._winding import winding
 from roadmap.kinematics._forward import body_frames, turned
@@ -110,37 +111,20 @@ def place_solids(tree_i, tree_f, solids, q, bodies, frames):
         compose(bodies[solids.body[i]], solids.pose[i], frames[i])
 
 
-@njit(**INNER)
-def basis(x, y, z, out):
-    """Write a right-handed basis whose first column is (x, y, z), made unit."""
-    size = math.sqrt(x * x + y * y + z * z)
-    x, y, z = x / size, y / size, z / size
-    if abs(x) <= abs(y) and abs(x) <= abs(z):
-        u, v, w = 0.0, -z, y
-    elif abs(y) <= abs(z):
-        u, v, w = z, 0.0, -x
-    else:
-        u, v, w = -y, x, 0.0
-    size = math.sqrt(u * u + v * v + w * w)
-    u, v, w = u / size, v / size, w / size
-    out[0, 0], out[1, 0], out[2, 0] = x, y, z
-    out[0, 1], out[1, 1], out[2, 1] = u, v, w
-    out[0, 2], out[1, 2], out[2, 2] = y * w - z * v, z * u - x * w, x * v - y * u
-
-
 @njit(**FULL_INNER)
 def turn(a, b, spin, frame):
     """Write to `frame` a rotation that takes a to b, then turns by spin round b."""
-    from_, to = np.empty((3, 3)), np.empty((3, 3))
-    basis(a[0], a[1], a[2], from_)
-    basis(b[0], b[1], b[2], to)
+    rods, from_, to = np.zeros((2, 6)), np.empty((3, 3)), np.empty((3, 3))
+    rods[0, 3:], rods[1, 3:] = a, b
+    tube_frame(rods[0], from_)  # two normals, then the direction itself
+    tube_frame(rods[1], to)
     c, s = math.cos(spin), math.sin(spin)
     for i in range(3):
-        u = c * to[i, 1] + s * to[i, 2]
-        v = -s * to[i, 1] + c * to[i, 2]
+        u = c * to[0, i] + s * to[1, i]
+        v = -s * to[0, i] + c * to[1, i]
         for j in range(3):
             frame[3 * i + j] = (
-                to[i, 0] * from_[j, 0] + u * from_[j, 1] + v * from_[j, 2]
+                to[2, i] * from_[2, j] + u * from_[0, j] + v * from_[1, j]
             )
 
 

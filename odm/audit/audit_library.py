@@ -175,7 +175,9 @@ def _box_specimen(family, size, rho, rng):
 
 def _ball(rho, rng):
     shape = solid.Sphere(_between(rng, 0.01, 0.15))
-    return _regular("ball", shape, rho, _ball_aims(shape.radius, rng))
+    out = rng.normal(size=(6, 3))
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    return _regular("ball", shape, rho, np.hstack([shape.radius * out, out]))
 
 
 def _small_ball(rho, rng):
@@ -218,12 +220,6 @@ def _mesh(rho, rng):
 
 def _regular(family, shape, rho, aims):
     return Specimen(family, (shape,), surface_of(shape, rho).points, aims)
-
-
-def _ball_aims(radius, rng):
-    out = rng.normal(size=(6, 3))
-    out /= np.linalg.norm(out, axis=1)[:, None]
-    return np.hstack([radius * out, out])
 
 
 def _rod_aims(rod, rng):

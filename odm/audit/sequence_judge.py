@@ -25,6 +25,7 @@ from odm.search.state import center_motion_bounds
 from roadmap.kinematics._limits import LIMIT_TOLERANCE
 from roadmap.kinematics.forward import difference
 from roadmap.loading.held_link import with_payload
+from roadmap.robot.robot import Robot
 from roadmap.transforms import moved_points, pose_with, rotation_to_z
 
 # [m] of samples, where the map's rho allows it; where the covering radius is declared
@@ -342,25 +343,17 @@ class _Found:
 class _ExactSide:
     """Exact distances along legs of one robot, with or without something in hand."""
 
-    def __init__(self, cell_map: CellMap, robot: object) -> None:
-        self.robot = robot
+    def __init__(self, cell_map: CellMap, robot: Robot) -> None:
         self.exact, self.fcl = ExactRobot(robot), FclRobot(robot)
         self.motion_bounds = center_motion_bounds(cell_map.arm, robot.dof)
         scenery = cell_map.scenery
-        self.scenery = [
-            (
-                obstacles_of([solid_of(row, scenery.faces)]),
-                name,
-                self._tested_solids(name, scenery.dropped),
-            )
-            for row, name in zip(scenery.solids, scenery.names, strict=True)
-        ]
-
-    def _tested_solids(self, name: str, dropped: tuple) -> np.ndarray:
-        """Return which solids of the robot are tested against a part of the scenery."""
-        links = [self.robot.link_names.index(a) for a, b in dropped if b == name]
-        moving = self.robot.link_body[self.robot.solid_link] > 0
-        return moving & ~np.isin(self.robot.solid_link, links)
+        self.scenery = []  # parts, their names, and which solids meet them
+        moving = robot.link_body[robot.solid_link] > 0
+        for row, name in zip(scenery.solids, scenery.names, strict=True):
+            links = [robot.link_names.index(a) for a, b in scenery.dropped if b == name]
+            use = moving & ~np.isin(robot.solid_link, links)
+            part = obstacles_of([solid_of(row, scenery.faces)])
+            self.scenery.append((part, name, use))
 
     def stand_around(self, shapes: list[Shape]) -> None:
         """Take the obstacles of a frame and the scenery of the place, base frame."""

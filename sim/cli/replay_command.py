@@ -272,9 +272,8 @@ def _repeat_story(
             f"odm: the replay of {path} differs from frame {frame} on", file=sys.stderr
         )
         raise typer.Exit(1)
-    told = found.head["outcome"]
     print(f"same: {found.frames:,} frames of {found.head['motion']['name']}")
-    print(f"story_sha256 {told['story_sha256']}")
+    print(f"story_sha256 {found.head['outcome']['story_sha256']}")
 
 
 def _pads_of(head: dict) -> list[str]:
@@ -400,10 +399,8 @@ def merged(rows: list[dict]) -> list[tuple[dict, int]]:
 
 def _goes_on(last: dict, row: dict) -> bool:
     """Say whether a row is more of the one before."""
-    kinds, reasons = (
-        {_PACES.get(one["what"], one["what"]) for one in (last, row)},
-        {re.sub(r"[\d.]+", "", one["reason"]) for one in (last, row)},
-    )
+    kinds = {_PACES.get(one["what"], one["what"]) for one in (last, row)}
+    reasons = {re.sub(r"[\d.]+", "", one["reason"]) for one in (last, row)}
     near = row["start_s"] <= last["end_s"] + _APART_S
     return near and len(kinds) == len(reasons) == 1
 

@@ -109,11 +109,8 @@ def build_reach(request: ReachRequest) -> None:
         tell("robot", 0, 1)
         chain = chain_of_request(request)
         tell("robot", 1, 1)
-        threads, place = (
-            request.threads,
-            Place(request.workers, request.scheduler, request.shared),
-        )
-        loads = "handover.reach.reach_chunks"
+        place = Place(request.workers, request.scheduler, request.shared)
+        threads, loads = request.threads, "handover.reach.reach_chunks"
         with crew(target, threads, place, loads) as workers:
             build_reach_map(chain, settings, threads, tell, workers).save(target)
         reach = load_reach_map(target)

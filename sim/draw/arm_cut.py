@@ -97,7 +97,8 @@ def write_arm_picture(human: Human, side: str, cuts: list[Cut], path: Path) -> P
             axis = axes[row][column]
             image = _draw(axis, cut, name, top, body)
             axis.set(xlim=wide, ylim=high)
-            _mark_shoulder(axis, human, side, cut.normal)
+            at = human.T_world_shoulder(side)[list(style.VIEWS[cut.normal][0]), 3]
+            axis.plot(*at, "+", color=style.INK, ms=8, zorder=5)
             if column:
                 axis.set_ylabel("")
         style.set_title(axes[0][column], words)
@@ -115,12 +116,6 @@ def _draw(axis: object, cut: Cut, name: str, top: float, body: Silhouette):
         style.draw_floor(axis)
     style.space_axes(axis, cut.normal, view=f"{view}: ")
     return image
-
-
-def _mark_shoulder(axis: object, human: Human, side: str, normal: int) -> None:
-    plane = list(style.VIEWS[normal][0])
-    at = human.T_world_shoulder(side)[plane, 3]
-    axis.plot(*at, "+", color=style.INK, ms=8, zorder=5)
 
 
 def _limits(cut: Cut, body: Silhouette) -> list[tuple[float, float]]:

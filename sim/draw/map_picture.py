@@ -70,11 +70,10 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
     As in figure 3 of [Vahrenkamp2016]. Each cut goes through the layer of cells where
     most is reached.
     """
-    fields = zip(
-        ("best quality", "rotations reached"),
-        ("quality, the best of all rotations", "share of all rotations"),
-        by_position(reach),
-        strict=True,
+    best, share = by_position(reach)
+    fields = (
+        ("best quality", "quality, the best of all rotations", best),
+        ("rotations reached", "share of all rotations", share),
     )
     chain, grid = reach.chain, reach.grid
     figure = style.new_figure(
@@ -84,7 +83,6 @@ def write_reach_plot(reach: ReachMap, path: str | Path) -> Path:
         f"{grid.rotations.n_cells} rotations",
     )
     axes = figure.subplots(2, 2)
-    share = by_position(reach)[1]
     for column, (name, told, values) in enumerate(fields):
         for axis, normal in zip(axes[:, column], (1, 2), strict=True):
             plane, layer = style.VIEWS[normal][0], fullest_layer(share, normal)

@@ -58,9 +58,7 @@ def new_figure(width: float, height: float, title: str = "") -> object:
     """Return an empty matplotlib figure [inches], its title at the upper left."""
     from matplotlib.figure import Figure
 
-    figure = Figure(
-        figsize=(width, height), layout="constrained", facecolor="white"
-    )  # fmt: skip
+    figure = Figure((width, height), layout="constrained", facecolor="white")
     if title:
         figure.suptitle(title, color=INK, x=0.01, ha="left")
     return figure

@@ -196,14 +196,11 @@ def tools_of(
             table=at.table,
         )
         setups.append(setup)
-    rest = rest_of(_all_standing(setups[0]), shared.index, max(tools, key=_length))
+    # no tool is in the hand yet: all of them stand
+    others = (*setups[0].others, (setups[0].obj, setups[0].T_place))
+    whole = replace(setups[0], T_place=None, others=others).planner()
+    rest = rest_of(whole, shared.index, max(tools, key=_length))
     return tuple(replace(setup, rest=rest) for setup in setups)
-
-
-def _all_standing(setup: ToolSetup) -> ReactivePlanner:
-    """Return a planner that knows all tools in their places, its own, too."""
-    standing = (*setup.others, (setup.obj, setup.T_place))
-    return replace(setup, T_place=None, others=standing).planner()
 
 
 def _length(tool: HeldObject) -> float:

@@ -89,11 +89,15 @@ class Round:
         person: Whose arm it is.
         home: (x, y, z) place of the hand at the start and at the end [m].
         speed: Limit for elbow and hand [m/s].
+
+    Attributes:
+        home: (3,) place of the hand at the start, shoulder frame [m].
+        legs: The legs so far.
     """
 
     def __init__(self, person: Person, home: tuple, speed: float) -> None:
         self.person, self.speed = person, speed
-        self._home = self._hand = self._reachable(home)
+        self.home = self._hand = self._reachable(home)
         self.legs: list[Leg] = []
 
     def move(
@@ -112,9 +116,9 @@ class Round:
 
         Where all places are too far from the robot they are one, and the hand stays.
         """
-        self._add(self._home, np.zeros(3), rest, share)
+        self._add(self.home, np.zeros(3), rest, share)
         if not self.legs:
-            self.legs.append(Leg(self._home, self._home, np.zeros(3), 1.0, rest))
+            self.legs.append(Leg(self.home, self.home, np.zeros(3), 1.0, rest))
         period = sum(leg.duration + leg.rest for leg in self.legs)
         last = self.legs[-1]
         missing = -period % (1 / TREMBLE_HZ)
@@ -126,11 +130,6 @@ class Round:
         """Return the legs so far as a motion; see ScriptedMotion."""
         legs = tuple(self.legs)
         return ScriptedMotion(name, limit, self.person, legs, np.array(tremble))
-
-    @property
-    def home(self) -> np.ndarray:
-        """The (3,) place of the hand at the start, shoulder frame [m]."""
-        return self._home
 
     def _reachable(self, p_base_hand: tuple) -> np.ndarray:
         """Return the place in the shoulder frame, in front of and near the shoulder.

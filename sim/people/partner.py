@@ -92,6 +92,7 @@ class Partner:
         human: The person now.
         holds: Whether the person's hand holds the object.
         pull: The force of the person on the object now [N].
+        bump_at: When the hand first touched the object [s]; infinite: not yet.
         balls: (n, 4) the robot as the person sees it: centres and radii [m].
     """
 
@@ -120,7 +121,7 @@ class Partner:
         self._aim: np.ndarray | None = None  # (3,) object's place the reach is for
         self._next_try, self._ready = 0.0, np.inf
         self._back_until: float | None = None
-        self._touched, self._slack_from = np.inf, np.inf
+        self.bump_at, self._slack_from = np.inf, np.inf
         self._done = False
         self._walked = 0.0  # how far [m]
         self._now = 0.0  # of the last step [s]
@@ -131,11 +132,6 @@ class Partner:
     def tracked(self, now: float) -> tuple[None, None]:
         """Return nothing: all of the person is seen, and where `human` says."""
         return None, None
-
-    @property
-    def bump_at(self) -> float:
-        """When the hand first touched the object [s]; infinite: not yet."""
-        return self._touched
 
     @property
     def T_world_object(self) -> np.ndarray:
@@ -215,14 +211,14 @@ class Partner:
             return
         there = now >= end and self._then is None
         if there and np.abs(self.arm - target).max() < _AT:
-            self.holds, self._touched = True, now
+            self.holds, self.bump_at = True, now
             self._pulling(now, fingers)
 
     def _pulling(self, now: float, fingers: str) -> None:
         t = self.traits
         if t.slack_s and fingers == "open" and self._slack_from == np.inf:
             self._slack_from = now
-        self.pull = t.pull_after(now - self._touched)
+        self.pull = t.pull_after(now - self.bump_at)
         if self._slack_from <= now < self._slack_from + t.slack_s:
             self.pull = 0.0
 
@@ -246,12 +242,12 @@ class Partner:
         if t.lets_go == "early" and fingers == "closed" and not held and self.holds:
             self._let_go(now)
         if held and self.holds:
-            if self._touched == np.inf:
-                self._touched = now
+            if self.bump_at == np.inf:
+                self.bump_at = now
             self.pull = 1.5  # a hand that holds on weighs a little
             if t.lets_go == "never":
                 self.pull = 8.0
-            elif now > self._touched + t.delay_s:
+            elif now > self.bump_at + t.delay_s:
                 self._let_go(now)
 
     def _let_go(self, now: float) -> None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roadmap.arrays import freeze
-from roadmap.transforms import rotation_rpy
+from roadmap.geometry.gaps import moved_rods
+from roadmap.transforms import pose_of
 from sim.people.human_motion import HumanMotion
 
 
@@ -48,13 +49,4 @@ class Placed:
         return self._moved(self.motion.capsules(t))
 
     def _moved(self, capsules: np.ndarray) -> np.ndarray:
-        capsules = turned(capsules, self.yaw)
-        capsules[:, :3] += self.offset
-        capsules[:, 3:6] += self.offset
-        return capsules
-
-
-def turned(capsules: np.ndarray, yaw: float) -> np.ndarray:
-    """Return capsules (k, 7) turned about the z axis of the base by `yaw` [rad]."""
-    ends = capsules[:, :6].reshape(-1, 3) @ rotation_rpy(0.0, 0.0, yaw).T
-    return np.column_stack([ends.reshape(-1, 6), capsules[:, 6]])
+        return moved_rods(capsules, pose_of(self.offset, (0.0, 0.0, self.yaw)))

@@ -5,18 +5,18 @@ work places, so that on the way from the first to the second the state that the 
 is named after has to occur. How a hand moves is then a script as any other.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roadmap.geometry.gaps import ball_gaps
+from roadmap.geometry.gaps import ball_gaps, moved_rods
 from roadmap.kinematics.forward import cover_balls, tool_pose
 from roadmap.robot.robot import Robot
+from roadmap.transforms import pose_of
 from sim.people.arm import HumanArm
 from sim.people.arm_path import Person, Round
 from sim.people.human_motion import HumanMotion, Together, motion_names, register_motion
-from sim.people.placed import Placed, turned
+from sim.people.placed import Placed
 
 TOOLS = ((0.42, 0.35, 0.23), (0.42, -0.35, 0.23))  # where none are known [m]
 SHOULDER = (0.45, 0.15, 0.25)  # from the tool: outward, to the left, up [m]
@@ -86,7 +86,8 @@ class Stand:
     def capsules(self, outward: float) -> np.ndarray:
         """Return the arm with its hand there as (2, 7) capsules in the base [m]."""
         script = Round(self.person, self.at(outward), 1.0)
-        return turned(self.person.capsules(script.home), self.yaw)
+        turn = pose_of((0.0, 0.0, 0.0), (0.0, 0.0, self.yaw))
+        return moved_rods(self.person.capsules(script.home), turn)
 
     def gap(self, outward: float) -> float:
         """Return how far an arm whose hand is there is from the robot [m]."""
@@ -173,22 +174,14 @@ SCENES = {"hold": hold, "backoff": backoff, "escape": escape}
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """One of `SCENES`; a HumanMotion, played where `before` puts it."""
+class Scene(Together):
+    """One of `SCENES`, before work places of a table until `before` puts it elsewhere.
 
-    name: str
+    Its motions are those of the arms.
+    """
+
     person: Person  # sizes and speed limit of the arms; where they stand follows
-    arms: Together  # the arms, for work places of a table in front of the robot
     film_s = 12.0  # the first so many seconds show it [s]
-
-    @property
-    def max_speed(self) -> float:
-        """No point of any surface advances faster than this [m/s]."""
-        return self.arms.max_speed
-
-    def capsules(self, t: float) -> np.ndarray:
-        """Return the arms at time `t` [s] as (k, 7) capsules a, b, radius [m]."""
-        return self.arms.capsules(t)
 
     def before(self, robot: Robot, places: np.ndarray) -> "Scene":
         """Return the scene staged for a robot that waits at the first work place.
@@ -200,28 +193,18 @@ class Scene:
         tools = [tool_pose(robot, q)[:3, 3] for q in places[:2]]
         covers = [robot_balls(robot, q) for q in places[:2]]
         waiting, goal = map(Stand.before, [self.person] * 2, tools, covers)
-        return staged(self.name, self.person, waiting, goal)
-
-
-def staged(name: str, person: Person, waiting: Stand, goal: Stand) -> Scene:
-    """Return a scene whose arms stand before the two work places."""
-    arms: tuple[HumanMotion, ...] = SCENES[name](waiting, goal)
-    return Scene(name, person, Together(name, arms))
+        return replace(self, motions=SCENES[self.name](waiting, goal))
 
 
 def make_scene(name: str, person: Person | None = None) -> Scene:
     """Return a scene by its name, not staged yet: see `Scene.before`."""
     person = person or Person(HumanArm.sized())
     waiting, goal = (Stand.before(person, np.array(p)) for p in TOOLS)
-    return staged(name, person, waiting, goal)
-
-
-def _source(name: str) -> Callable[[Person, np.random.Generator], Scene]:
-    return lambda person, rng: make_scene(name, person)
+    return Scene(name, SCENES[name](waiting, goal), person)
 
 
 for _name in SCENES:
-    register_motion(_name, _source(_name))
+    register_motion(_name, lambda person, rng, name=_name: make_scene(name, person))
 
 
 def before_work_places(

@@ -61,16 +61,13 @@ class Walk:
         """Return distance [m] and bearing [rad] at time `t` [s]."""
         t = t % self.last if np.isfinite(self.last) else t
         k = int(np.searchsorted(self.times, t))
-        if k == 0 or (k < len(self.times) and t >= self._arrives(k)):
-            place = self.places[k % len(self.places)]
-        else:
-            a, b = self.places[k - 1], self.places[k % len(self.places)]
-            u = (t - self.times[k - 1]) / _walk_s(a, b)
-            place = a + minimum_jerk(min(u, 1.0)) * (b - a)
+        place = self.places[k % len(self.places)]
+        if k:
+            before = self.places[k - 1]
+            u = (t - self.times[k - 1]) / _walk_s(before, place)
+            if u < 1.0:
+                place = before + minimum_jerk(u) * (place - before)
         return float(place[0]), float(place[1])
-
-    def _arrives(self, k: int) -> float:
-        return self.times[k - 1] + _walk_s(self.places[k - 1], self.places[k])
 
 
 def _walk_s(a: np.ndarray, b: np.ndarray) -> float:

@@ -18,13 +18,14 @@ def folder_of_map(name: str, wanted: str) -> Path | None:
     That of the map's name is looked at first; `odm build --out` gives others.
     """
     there = sorted(path for path in MAPS.glob("*") if path.is_dir())
-    return next((p for p in (MAPS / name, *there) if _hash_in(p) == wanted), None)
+    return next((p for p in (MAPS / name, *there) if _told(p, "hash") == wanted), None)
 
 
-def _hash_in(folder: Path) -> str | None:
+def _told(folder: Path, key: str) -> str | None:
+    """Return what the manifest of a folder says, None where it says nothing."""
     try:
         text = (folder / "manifest.json").read_text(encoding="utf-8")
-        return json.loads(text)["hash"]
+        return json.loads(text)[key]
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -55,13 +56,7 @@ def check_map_folder(target: Path, recipe: "Recipe", force: bool) -> None:
 
 def check_kind_of(target: Path, wanted: str) -> None:
     """Refuse to replace what is no "reach map" or "grasp set", before any work."""
-    if not target.exists():
-        return
-    try:
-        kind = json.loads((target / "manifest.json").read_text())["kind"]
-    except (OSError, ValueError, KeyError, TypeError):
-        kind = None
-    if kind != wanted:
+    if target.exists() and _told(target, "kind") != wanted:
         raise _refused(target, f"holds no {wanted}")
 
 

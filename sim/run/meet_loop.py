@@ -104,10 +104,8 @@ class MeetLoop(Loop):
         if self._there == self._dwell:
             self.handovers += 1
             self.live.withdraw()
-        elif pursuit.state == WITHDRAWN and self._is_at_rest():
-            self.live.resume()
+        elif pursuit.state == WITHDRAWN and self.executor.at_rest:
+            off = difference(self.robot, self.executor.set_point.q, self.places[0])
+            if np.abs(off).max() <= ARRIVED:
+                self.live.resume()
         self._advance()
-
-    def _is_at_rest(self) -> bool:
-        off = difference(self.robot, self.executor.set_point.q, self.places[0])
-        return self.executor.at_rest and bool(np.abs(off).max() <= ARRIVED)

@@ -34,7 +34,7 @@ def compile_ahead(command: str) -> int:
     Returns how many loops were compiled, each for some types, those already there
     included.
     """
-    processes = min(MOST_PROCESSES, _cores())
+    processes = min(MOST_PROCESSES, len(os.sched_getaffinity(0)))
     if processes < 2 or sum(Compiling(command).missing().values()) < WORTH_S:
         return 0
     with temporary_folder() as folder:
@@ -59,10 +59,6 @@ def compile_all(command: str, folder: Path) -> list:
     """
     _work(folder, command, [])
     return [loop for loop, *_ in _jobs(command)]
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0))
 
 
 @contextmanager

@@ -96,13 +96,9 @@ def compiled(root: Path, names: dict[str, float]) -> set[str]:
         file = root / module.replace(".", "/")
         folder = file.parent
         if folder not in by_folder:
-            places = kept_in(folder)[first:]
-            by_folder[folder] = _stems(f for p in places for f in p.glob("*.nbi"))
+            files = [f for p in kept_in(folder)[first:] for f in p.glob("*.nbi")]
+            # "_close.motion_clear" of "_close.motion_clear-352.py311.nbi"
+            by_folder[folder] = {file.name.partition("-")[0] for file in files}
         if f"{file.name}.{loop}" in by_folder[folder]:
             found.add(name)
     return found
-
-
-def _stems(files: object) -> set[str]:
-    """Return "_close.motion_clear" of "_close.motion_clear-352.py311.nbi"."""
-    return {file.name.partition("-")[0] for file in files}

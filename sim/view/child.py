@@ -17,11 +17,9 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Read what to show from stdin, say that it is open, and draw until stdin ends."""
-    size = int.from_bytes(_exactly(8), "little")
-    told = pickle.loads(_exactly(size))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the terminal is the loop's
     try:
-        page = open_page(told)
+        page = open_page(pickle.load(sys.stdin.buffer))
     except Exception as error:  # the loop's process tells the user
         os.write(1, f"{type(error).__name__}: {error}\n".encode())
         _exit(1)
@@ -59,16 +57,6 @@ def open_page(told: dict) -> "Page":
     return Page(
         show, socket.socket(fileno=told["listener"]), told["host"], told["token"]
     )
-
-
-def _exactly(size: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        more = os.read(0, size - len(data))
-        if not more:
-            _exit(1)
-        data += more
-    return data
 
 
 def _hung_up() -> bool:

@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 
+from roadmap.geometry.gaps import moved_rods
+from roadmap.transforms import pose_of
 from sim.people.arm_path import Person, Round
 from sim.people.human_motion import HumanMotion
 
@@ -68,7 +70,7 @@ class DraggedPerson:
 
     def _guess(self, guess: Callable, t: float) -> np.ndarray:
         """Return where the person is, of motions that tell it apart."""
-        return _shifted(guess(self._now - self._lag), self._offset)
+        return moved_rods(guess(self._now - self._lag), pose_of(self._offset))
 
     def _turn(self, goal: np.ndarray | None, seconds: float) -> None:
         base = self.motion.capsules(self._now - self._lag)
@@ -94,17 +96,7 @@ class DraggedPerson:
         if isinstance(person, Person) and len(base) == 2:
             hand = Round(person, tuple(base[-1, 3:6] + offset), 1.0).home
             return person.capsules(hand)
-        return _shifted(base, offset)
-
-
-def _shifted(capsules: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Return capsules (k, 7) moved by an offset (3,) [m]."""
-    if not offset.any():
-        return capsules
-    rows = np.array(capsules, float)
-    rows[:, :3] += offset
-    rows[:, 3:6] += offset
-    return rows
+        return moved_rods(base, pose_of(offset))
 
 
 def _advance(before: np.ndarray, after: np.ndarray) -> float:

@@ -116,7 +116,8 @@ class Page:
             try:
                 cell_map = show.load_map()
                 picture = RoadmapPicture(cell_map)
-                self._came.append(lambda: self._take_map(cell_map, picture))
+                self._came.append(lambda: self.stage.set_map(cell_map, picture))
+                self._came.append(lambda: self.panel.map_came(show.layers))
             except PlanningError as error:
                 self.panel.sentences.append(f"cells and edges are not shown: {error}")
         if show.load_parts is not None:
@@ -183,10 +184,6 @@ class Page:
             self.panel.draw(moment, clock)
         self.drawn += 1
         self._place_cameras(moment, clients, waits)
-
-    def _take_map(self, cell_map: CellMap, picture: RoadmapPicture) -> None:
-        self.stage.set_map(cell_map, picture)
-        self.panel.map_came(self.shown.layers)
 
     def _drag(self, moment: Moment) -> None:
         """Show the arrows at the hand while it is taken, and tell where they are."""

@@ -44,6 +44,7 @@ class Panel:
         self.stage, self.takes_hand = stage, False
         self.sentences: list[str] = []
         self._commands: deque[Callable[[], None]] = deque(maxlen=MOST_COMMANDS)
+        self._do = self._commands.append
         self._words_at = self._strips_at = -np.inf
         self._shown: dict[str, object] = {}
         runs = source.live or source.span()[1] > source.span()[0]
@@ -59,9 +60,6 @@ class Panel:
         with gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         self._note = gui.add_html("")
-
-    def _do(self, command: Callable[[], None]) -> None:
-        self._commands.append(command)
 
     def tell_end(self) -> None:
         """Say that nothing more will be shown; who still looks sees the last moment."""

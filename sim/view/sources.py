@@ -83,7 +83,9 @@ class Recorded(Source):
         self._things, self._stands = _of_story(record)
         self._rows, self._reasons = self._read()
         told = record.arrays.get("story.state", record.arrays["place"])
-        self._ends = _trip_ends(told)
+        # of each frame the last one in which its place is still the goal
+        last = np.flatnonzero(np.r_[told[1:] != told[:-1], True])
+        self._ends = last[np.searchsorted(last, np.arange(len(told)))]
         self._driven: tuple[int, np.ndarray] = (-1, np.zeros((0, self.robot.dof)))
 
     def _read(self) -> tuple[np.ndarray, list[tuple[float, float, str]]]:
@@ -114,7 +116,7 @@ class Recorded(Source):
             seen.take(float(times[i]), state, int(place[i]), why[i], fresh)
         story = record.head["outcome"].get("story", [])
         self.events = sorted(
-            [*seen.events, *(_told_by(event) for event in story)],
+            [*seen.events, *map(_told_by, story)],
             key=lambda event: event.time_s,
         )
         rows = np.column_stack([times, gaps, np.zeros(len(times)), states, place])
@@ -229,12 +231,6 @@ def place_targets(robot: Robot, places: np.ndarray, place: int) -> np.ndarray:
     return np.column_stack([p, np.full(len(p), np.nan), pursued])
 
 
-def _trip_ends(place: np.ndarray) -> np.ndarray:
-    """Return (F,) the last frame in which each frame's place is still the goal."""
-    last = np.flatnonzero(np.r_[place[1:] != place[:-1], True])
-    return last[np.searchsorted(last, np.arange(len(place)))]
-
-
 class Letters(Source):
     """The moments of a live run, as they lie in a mailbox; some minutes are kept."""
 
@@ -255,16 +251,13 @@ class Letters(Source):
             return False
         moment = pickle.loads(letter)
         if self._times and moment.time_s < self._times[-1]:
-            self._forget()  # another run has begun
+            self._moments.clear()  # another run has begun
+            self._times.clear()
+            self.events, self._used = [], 0
         self._note(moment)
         self._moments.append(replace(moment, rows=None, events=()))
         self._times.append(moment.time_s)
         return True
-
-    def _forget(self) -> None:
-        self._moments.clear()
-        self._times.clear()
-        self.events, self._used = [], 0
 
     def _note(self, moment: Moment) -> None:
         """Keep rows and events that were not known."""

@@ -131,8 +131,7 @@ class Viewer(AbstractContextManager):
             env={**os.environ, "PYTHONPATH": paths},
             process_group=0,  # Ctrl-C is the loop's; in one session nice counts
         )
-        data = pickle.dumps(told)
-        self._process.stdin.write(len(data).to_bytes(8, "little") + data)
+        pickle.dump(told, self._process.stdin)
         self._process.stdin.flush()
         number = listener.getsockname()[1]
         listener.close()
@@ -152,17 +151,11 @@ class Viewer(AbstractContextManager):
         if self._closed:
             return
         self._closed = True
-        process = self._process
-        if process.poll() is None:
-            process.stdin.close()
-            try:
-                process.wait(3.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        process.stdout.close()
-        if not process.stdin.closed:
-            process.stdin.close()
+        try:  # it ends once its stdin is closed
+            self._process.communicate(timeout=3.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
         self._down.close()
         self._up.close()
 

@@ -6,6 +6,7 @@ import pytest
 from handover import chain_of, load_agent
 from handover.grasps.arm_reach import ArmReach, build_arm_reach
 from handover.plans import choose
+from roadmap import load_robot
 from roadmap.kinematics.forward import tool_pose
 
 
@@ -47,7 +48,7 @@ def in_order(reaches, point, monkeypatch, size=0.0):
 def crichton():
     """Return Crichton's arms: side -> robot and reach."""
     robots = {
-        side: arm.load(cover_excess=0.1)
+        side: load_robot(arm.robot, locked=arm.spec.preshapes[0], cover_excess=0.1)
         for side, arm in load_agent("crichton").arms.items()
     }
     return {

@@ -96,9 +96,11 @@ def test_every_arm_of_an_agent_ends_in_its_hand(name):
 
 def test_an_arm_is_loaded_with_its_hand_open_or_in_a_grasp():
     arm = load_agent("drchubo").arms["left"]
-    still = arm.load(cover_excess=0.1)
+    shape = arm.spec.preshapes[0]
+    still = load_robot(arm.robot, locked=shape, **COARSE)
     assert still.dof == 7 and still.tip_name == "left_palm"
-    closed = arm.load({"left_finger_1_flexion": 1.0}, cover_excess=0.1)
+    shape = {**shape, "left_finger_1_flexion": 1.0}
+    closed = load_robot(arm.robot, locked=shape, **COARSE)
     assert any("left_finger_1_flexion = 1," in note for note in closed.notes)
     assert still.fingerprint() != closed.fingerprint()
 
@@ -120,7 +122,9 @@ def test_crichton_s_arms_are_back_to_back_at_the_height_that_was_measured():
 def test_hubo_stands_on_the_floor(posture, shoulder):
     agent = load_agent("drchubo")
     stand = agent.posture(posture)
-    robot = agent.arms["left"].load(stand.joints, cover_excess=0.1)
+    arm = agent.arms["left"]
+    stands = {**arm.spec.preshapes[0], **stand.joints}
+    robot = load_robot(arm.robot, locked=stands, **COARSE)
     T = stand.T_floor_base
     lowest = min(
         _lowest(solid, T @ body_frames(robot, np.zeros(7))[robot.link_body[solid.link]])

@@ -1,6 +1,7 @@
 """Scenes: seeds, ranges of the paper, starts, files, and what is refused."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -224,6 +225,31 @@ def test_a_start_in_collision_is_refused(tmp_path):
     deep = TEA.replace("0.751", "0.740") + BOARD
     with pytest.raises(BadInput, match="cup meets box 0"):
         handover.load_scene(written(tmp_path, deep))
+
+
+def test_all_that_can_meet_at_the_start_is_tested():
+    scene = stool(0)
+    giver, receiver = scene.giver, scene.receiver
+
+    def meeting(**changed):
+        rows = start_distances(replace(scene, **changed))
+        return {(one, other) for distance, one, other in rows if distance <= 0.0}
+
+    assert not meeting()
+    for who in ("giver", "receiver"):
+        placed = getattr(scene, who)
+        link, shape = placed.shapes()[-1]
+        pair = f"{placed.agent.name}/{link}", scene.obj.name
+        assert pair in meeting(T_world_start=shape.T_base_shape)
+        low = np.array(placed.T_world_base)
+        low[2, 3] -= 0.1
+        sunk = meeting(**{who: replace(placed, T_world_base=low)})
+        names = {(a.split("/")[0], b) for a, b in sunk}
+        stands_on = {"giver": "floor", "receiver": "step 3"}[who]
+        assert (placed.agent.name, stands_on) in names
+    there = replace(receiver, T_world_base=giver.T_world_base)
+    names = {(a.split("/")[0], b.split("/")[0]) for a, b in meeting(receiver=there)}
+    assert ("crichton", "drchubo") in names
 
 
 def test_all_pieces_of_one_name_are_tested_at_the_start(tmp_path):

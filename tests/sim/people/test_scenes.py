@@ -112,7 +112,7 @@ def test_a_scene_is_smooth_keeps_its_speed_and_repeats(name, crane):
     assert 0.3 * scene.max_speed < speed.max() <= scene.max_speed
     jumps = np.linalg.norm(np.diff(velocity, axis=0), axis=2)
     assert jumps.max() < 0.2 * scene.max_speed
-    for arm in scene.arms.motions:
+    for arm in scene.motions:
         np.testing.assert_allclose(arm.capsules(1 + arm.period), arm.capsules(1))
 
 
