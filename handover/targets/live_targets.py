@@ -19,6 +19,7 @@ from handover.targets.target_choice import TargetChoice
 from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
 from odm.answer import Answer
+from odm.checks import check_numbers
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.scenery import Scenery
 from odm.planner.planner import ReactivePlanner
@@ -93,7 +94,8 @@ class LiveTargets:
         counts: "frames", "changes" of the target pursued, "set_goals", "attached".
 
     Raises:
-        BadInput: The workspace is another robot's, or the index another map's.
+        BadInput: The workspace is another robot's, or the index another map's, or
+            `rest` is no configuration.
     """
 
     def __init__(
@@ -107,6 +109,8 @@ class LiveTargets:
         s = self.settings = settings_of(settings, LiveSettings)
         check_kind("planner", planner, ReactivePlanner, "give an odm.ReactivePlanner")
         check_kind("meet", meet, InteractionWorkspace, "give an InteractionWorkspace")
+        if rest is not None:
+            rest = check_numbers(planner.robot, rest, "rest")
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)
         self.finder = TargetGoals(planner, meet, index, s)
@@ -177,12 +181,18 @@ class LiveTargets:
             q: (dof,) present configuration [rad or m].
             allowance: What the frame may do of a ranking that goes on over several, and
                 of goals joined ahead; None: as much as the settings say.
+
+        Raises:
+            BadInput: No person, no configuration, or an allowance that is none.
         """
+        check_kind("human", human, Human, "give a handover.Human")
+        if allowance is not None:
+            check_kind("allowance", allowance, Allowance, "give an Allowance or None")
         if self.rest is None:
             robot = self.planner.robot
             lower = np.where(robot.continuous, -np.inf, robot.lower)
             upper = np.where(robot.continuous, np.inf, robot.upper)
-            self.rest = np.clip(np.array(q, float), lower, upper)
+            self.rest = np.clip(check_numbers(robot, q), lower, upper)
         if self.settings.near_rest:
             self.finder.rest = self.rest
         self.counts["frames"] += 1
