@@ -1054,6 +1054,27 @@ def test_what_a_story_is_made_of_must_be_that(maps, name):
         sim.StorySettings.for_robot("panda")
 
 
+def test_an_object_that_is_dropped_as_it_is_lifted_is_told_at_once(maps):
+    """The robot stood, its fingers closed, for the 20 s of `fetch_s`."""
+    story, human = at_a_place(maps, "give", FETCH)
+    closed_at = []
+
+    def look(story, now, opened, closed):
+        taken = story.holding
+        closed_at[:] = closed_at or ([now] if taken else [])
+        there = closed and not (taken and now > closed_at[0] + 0.1)
+        return sim.StoryFrame(now, human, pulled(0.0), opened, there)
+
+    assert tell(story, 12.0, look)[0] == "retreat"
+    first = story.events[0]
+    assert (first.signal, first.reason) == (
+        "lost",
+        "the object was dropped as it was lifted",
+    )
+    assert first.time_s < closed_at[0] + 0.3
+    assert story.outcome == first.reason
+
+
 def test_nothing_held_out_in_reach_ends_in_time(maps):
     story, human = story_of(maps, "receive", wait_s=1.0)
 
