@@ -20,7 +20,6 @@ from handover.meet.held_object import HeldObject, checked_grasps
 from handover.meet.meet_tables import (
     PersonTables,
     bounds_of,
-    coarse_human_reach,
     hands_of,
     scratch,
     state_of,
@@ -106,9 +105,6 @@ class InteractionWorkspace:
         self.settings = settings_of(settings, MeetSettings)
         check_kind("reach", reach, ReachMap, "give what load_reach_map returns")
         check_kind("obj", obj, HeldObject, "give a HeldObject, such as wrench()")
-        if human_reach is not None:
-            remedy = "give one of a person's arm, or None"
-            check_kind("human_reach", human_reach, ReachMap, remedy)
         self.obj, self.reach = obj, reach
         self.grasps = _grasps(obj, grasps)
         s = self.settings
@@ -119,7 +115,7 @@ class InteractionWorkspace:
         self._entries = Entries(
             self._keys, self._removed, np.zeros(len(self._cells), bool)
         )
-        self._tables = PersonTables(human_reach or coarse_human_reach())
+        self._tables = PersonTables(human_reach)
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
         R, p = s.T_world_base[:3, :3], s.T_world_base[:3, 3]
         self._turns_world = R @ self._cells.grid.rotations.centers

@@ -26,6 +26,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.ranges import check_kind, settings_of
+from roadmap.robot.robot import Robot
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
@@ -189,10 +190,7 @@ class LiveTargets:
         if allowance is not None:
             check_kind("allowance", allowance, Allowance, "give an Allowance or None")
         if self.rest is None:
-            robot = self.planner.robot
-            lower = np.where(robot.continuous, -np.inf, robot.lower)
-            upper = np.where(robot.continuous, np.inf, robot.upper)
-            self.rest = np.clip(check_numbers(robot, q), lower, upper)
+            self.rest = _within_limits(self.planner.robot, q)
         if self.settings.near_rest:
             self.finder.rest = self.rest
         self.counts["frames"] += 1
@@ -201,11 +199,7 @@ class LiveTargets:
         self._changed = False
         self.finder.look_again(allowance)
         if self.withdrawn and (self.goals or not self.counts["set_goals"]):
-            self._changed = True  # a costly job: no other in this frame
-            self.counts["set_goals"] += 1
-            self.goals = self._set_valid(())
-            if allowance is not None:
-                allowance.spend(allowance.takes.set_goals)
+            self._give_up_targets(allowance)
             return
         if not self._rank(human, allowance) or self.withdrawn:
             return
@@ -232,6 +226,14 @@ class LiveTargets:
             if allowance is not None:
                 allowance.spend(allowance.takes.set_goals)
         self.goals = goals
+
+    def _give_up_targets(self, allowance: Allowance | None) -> None:
+        """Have the place of rest for a goal: a costly job, no other in this frame."""
+        self._changed = True
+        self.counts["set_goals"] += 1
+        self.goals = self._set_valid(())
+        if allowance is not None:
+            allowance.spend(allowance.takes.set_goals)
 
     def withdraw(self) -> None:
         """Go to the place of rest from the next frame on, and stay there.
@@ -428,3 +430,10 @@ def _check_base(T_world_base: np.ndarray, meet: InteractionWorkspace) -> None:
         "MeetSettings the same T_world_base, or call planner.set_base(np.eye(4)) and "
         "tell the planner all in the base's frame"
     )
+
+
+def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return q (dof,), or what is nearest to it within the joints' limits."""
+    lower = np.where(robot.continuous, -np.inf, robot.lower)
+    upper = np.where(robot.continuous, np.inf, robot.upper)
+    return np.clip(check_numbers(robot, q), lower, upper)
