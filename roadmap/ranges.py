@@ -148,14 +148,21 @@ def setting(default: _T, low: float, high: float, unit: str = "") -> _T:
 class CheckedSettings:
     """Settings whose fields that `setting` declares are checked when they are made.
 
-    A field declared as `int` must be whole; None is sound where it is the default.
-    Numbers of numpy's are kept as Python's own, which recordings can hold.
+    A field declared as `int` must be whole; None is sound where it is the default. What
+    is True or False by default must be one of them, and settings within settings must
+    be of their kind. Numbers of numpy's are kept as Python's own, which recordings can
+    hold.
     """
 
     def __post_init__(self) -> None:
         where = type(self).__name__
         for one in fields(self):
             value = self._plainly(one.name)
+            if isinstance(one.default, bool):
+                check_kind(one.name, value, bool, "give True or False")
+            kind = one.default_factory
+            if isinstance(kind, type) and issubclass(kind, CheckedSettings):
+                check_kind(one.name, value, kind, f"give {kind.__name__}(...)")
             if "range" not in one.metadata or (value is None and one.default is None):
                 continue
             low, high, unit = one.metadata["range"]

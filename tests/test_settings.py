@@ -38,6 +38,7 @@ from odm.planner.settings import (
 )
 from roadmap.errors import BadInput, BadRecipe
 from roadmap.graph.connecting import RoadmapSettings
+from roadmap.ranges import CheckedSettings
 from sim.bench.pushed import PushSettings
 from sim.loop.loop import LoopSettings, NewPathSettings
 from sim.loop.work_places import WorkPlaceSettings
@@ -159,6 +160,26 @@ def test_numbers_of_numpy_are_as_good(kind):
         if type(getattr(kind(), f.name)) in (int, float)
     }
     assert kind(**fields) == kind()
+
+
+def choices():
+    """Yield each settings class with each field that is yes or no, or has settings."""
+    for kind in SETTINGS:
+        for field in dataclasses.fields(kind):
+            value = getattr(kind(), field.name)
+            if isinstance(value, bool | CheckedSettings):
+                yield kind, field.name, type(value).__name__
+
+
+@each("wrong", [np.nan, None, "yes", 1, [True], np.ones(2)])
+@each(("kind", "field", "wanted"), choices())
+def test_yes_or_no_and_settings_within_settings_are_of_their_kind(
+    kind, field, wanted, wrong
+):
+    remedy = "True or False" if wanted == "bool" else wanted
+    with pytest.raises(BadInput, match=rf"^{field} is (.|\n)*; give {remedy}"):
+        kind(**{field: wrong})
+    assert kind(**{field: getattr(kind(), field)}) == kind()
 
 
 def test_zero_counts_that_crashed_late_are_refused_at_once(small_map):

@@ -25,7 +25,7 @@ from handover.human.anthropometry import ARM_JOINTS, ARM_RANGES
 from handover.human.body import SIDES
 from roadmap.arrays import as_floats, freeze, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import is_between
+from roadmap.ranges import is_between, told
 from roadmap.transforms import check_pose, flat_pose, pose_of_flat
 
 STEP = math.radians(15.0)  # [rad] between representatives, unless another is asked for
@@ -253,8 +253,8 @@ def packed_arm(lengths: np.ndarray, ranges: np.ndarray) -> np.ndarray:
 
 def check_side(side: str) -> str:
     """Return the side, or refuse what is neither "left" nor "right"."""
-    if side not in SIDES:
-        raise BadInput(f"a person has no {side!r} arm; choose left or right")
+    if not isinstance(side, str) or side not in SIDES:
+        raise BadInput(f"a person has no {told(side)} arm; choose left or right")
     return side
 
 

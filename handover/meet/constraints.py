@@ -13,11 +13,11 @@ from handover.meet.held_object import HeldObject
 from odm.obstacles.scenery import BOX, PLANE, Scenery
 from odm.obstacles.shapes import Box
 from odm.planner.planner import ReactivePlanner
-from roadmap.arrays import freeze, frozen
+from roadmap.arrays import as_floats, freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import meet_box, moved_rods
-from roadmap.ranges import check_number
-from roadmap.transforms import inverse_pose
+from roadmap.ranges import check_kind, check_number, is_between, told
+from roadmap.transforms import check_pose, inverse_pose
 
 
 class Constraint(Protocol):
@@ -42,9 +42,10 @@ class Upright:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        if not 0 < self.tilt <= np.pi:
+        if not is_between(self.tilt, 0.0, np.pi) or self.tilt == 0.0:
             raise BadInput(
-                f"a tilt of {self.tilt} rad is none; give more than 0 and at most pi"
+                f"a tilt of {told(self.tilt)} rad is none; give more than 0 and at "
+                "most pi"
             )
         for name in ("axis", "up"):
             axis = _numbers(getattr(self, name), name)
@@ -97,7 +98,8 @@ class Inside:
     outside: bool = False
 
     def __post_init__(self) -> None:
-        lower, upper = (np.asarray(x, float) for x in (self.lower, self.upper))
+        check_kind("outside", self.outside, (bool, np.bool_), "give True or False")
+        lower, upper = (as_floats("corners", x) for x in (self.lower, self.upper))
         fit = lower.shape == upper.shape == (3,)
         if not (fit and (lower < upper).all()):
             raise BadInput(
@@ -130,6 +132,11 @@ class ClearOf:
 
     scenery: Scenery
     T_world_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+    def __post_init__(self) -> None:
+        check_kind("scenery", self.scenery, Scenery, "give odm.CellMap.scenery")
+        T = frozen(check_pose(self.T_world_base, "T_world_base"), np.float64)
+        object.__setattr__(self, "T_world_base", T)
 
     @classmethod
     def of_scene(cls, planner: ReactivePlanner, T_world_base: np.ndarray) -> "ClearOf":
@@ -196,7 +203,7 @@ def allowed(
 
 
 def _numbers(values: tuple, name: str) -> np.ndarray:
-    values = np.asarray(values, float)
+    values = as_floats(name, values)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise BadInput(f"{name} is {values.tolist()}; give three finite numbers")
     return values

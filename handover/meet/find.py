@@ -19,7 +19,7 @@ from handover.meet.workspace import InteractionWorkspace, Target
 from handover.reach.reach_map import ReachMap
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number, settings_of
+from roadmap.ranges import check_kind, check_number, settings_of
 from roadmap.robot.robot import Robot
 
 _NO_ROOM = "the hand or forearm that takes the object would be in what stands still"
@@ -81,6 +81,7 @@ def find_handover(
             reach map's, an `is_valid` that is none.
     """
     settings = settings_of(settings, FindSettings)
+    check_kind("meet", meet, InteractionWorkspace, "give an InteractionWorkspace")
     check_number("timeout [s]", timeout, 1e-9, 1e9)
     check_same_robot(meet.reach, robot)
     valid = validity_of(is_valid)

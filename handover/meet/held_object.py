@@ -7,7 +7,7 @@ import numpy as np
 
 from roadmap.arrays import as_floats, brief, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_number, is_between
+from roadmap.ranges import check_kind, check_number, is_between, told
 from roadmap.transforms import check_pose, pose_with, rotation_rpy
 
 # [rad] order of the rolls about a handle: the first four are the quarters, so that the
@@ -40,6 +40,7 @@ class HeldObject:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        check_kind("name", self.name, str, "give the object's name as text")
         capsules = as_floats(f"capsules of {self.name}", self.capsules)
         if capsules.ndim != 2 or capsules.shape[1] != 7 or not len(capsules):
             raise BadInput(
@@ -97,9 +98,18 @@ def fist_grasps(places: Sequence[float]) -> np.ndarray:
     Returns:
         (16 * places, 4, 4) T_object_hand; four turns with the thumb towards
         +x, the same with it towards -x, then the turns between.
+
+    Raises:
+        BadInput: No list of finite numbers.
     """
+    places = as_floats("places", places)
+    if places.ndim != 1 or not np.isfinite(places).all():
+        raise BadInput(
+            f"places of fists are {told(places.tolist())}; give a list of finite "
+            "numbers in m, such as [0.05]"
+        )
     grasps = []
-    for place in places:
+    for place in places.tolist():
         for first in (0, 4):
             for thumb in (1.0, -1.0):
                 for roll in _ROLLS[first : first + 4]:

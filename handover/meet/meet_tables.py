@@ -24,6 +24,7 @@ from roadmap.arrays import frozen
 from roadmap.builds.chunks import Arrays
 from roadmap.builds.kept import code_of, kept
 from roadmap.errors import BadInput
+from roadmap.ranges import check_kind
 
 _CODE = "handover/reach/reach_build.py"  # what takes part in a reach map
 _SLACK = 1e-6  # [m] that the wrist's range is widened by; IK decides
@@ -32,8 +33,11 @@ _SLACK = 1e-6  # [m] that the wrist's range is widened by; IK decides
 class PersonTables:
     """The dexterity of a person's arm, cell by cell, for people of any height."""
 
-    def __init__(self, reach: ReachMap) -> None:
-        """Unpack a map; it must be of a person's arm."""
+    def __init__(self, reach: ReachMap | None) -> None:
+        """Unpack a map; it must be of a person's arm. None: one of coarse cells."""
+        reach = coarse_human_reach() if reach is None else reach
+        remedy = "give one of a person's arm, or None"
+        check_kind("human_reach", reach, ReachMap, remedy)
         if reach.chain.unit != "arm length":
             raise BadInput(
                 f"human_reach is a map of {reach.chain.name} in {reach.chain.unit}; "

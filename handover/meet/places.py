@@ -19,7 +19,7 @@ from handover.meet.quality import ArmState
 from handover.meet.settings import PARTS, MeetSettings, QualitySettings
 from handover.reach.extremes import best_dexterity, work_of
 from handover.reach.rotations import rotation_grid
-from roadmap.arrays import freeze, frozen
+from roadmap.arrays import as_floats, freeze, frozen
 from roadmap.errors import BadInput
 from roadmap.ranges import settings_of
 
@@ -73,7 +73,7 @@ def qualities_at(
     Raises:
         BadInput: An unknown side, points that are no (n, 3) finite places.
     """
-    points = np.asarray(points, float)
+    points = as_floats("places", points)
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
         raise BadInput(
             f"places have shape {points.shape}; give finite (n, 3) in metres"

@@ -1,8 +1,9 @@
 """What a hand-over is asked for: comfort, grid and search, as frozen settings."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from handover.human.human_arm import check_side
 from handover.meet import _quality as kernel
 from handover.meet.constraints import Constraint
 from handover.reach.rotations import SIZES
-from roadmap.arrays import frozen
+from roadmap.arrays import as_floats, frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, check_kind, setting, told
 from roadmap.transforms import check_pose
 
 PARTS = ("joint", "spatial", "visibility", "safety", "effort")
@@ -68,13 +69,13 @@ class QualitySettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        alpha = np.asarray(self.joint_weights, float)
+        alpha = as_floats("joint_weights", self.joint_weights)
         if alpha.shape != (7,) or not (np.isfinite(alpha) & (alpha >= 0)).all():
             raise BadInput(
                 f"joint_weights are {self.joint_weights}; give seven that are not "
                 "negative"
             )
-        weights = np.asarray(self.weights, float)
+        weights = as_floats("weights", self.weights)
         if weights.shape != (5,) or not (weights >= 0).all():
             raise BadInput(
                 f"weights are {self.weights}; give five that are not negative, for "
@@ -85,10 +86,10 @@ class QualitySettings(CheckedSettings):
                 f"weights {self.weights} sum to {weights.sum():.6g}; they must sum to "
                 "1: divide each by their sum"
             )
-        if self.absent_gaze not in ("torso", "omit"):
+        gaze = self.absent_gaze
+        if not isinstance(gaze, str) or gaze not in ("torso", "omit"):
             raise BadInput(
-                f"no way {self.absent_gaze!r} to do without a gaze; choose torso or "
-                "omit"
+                f"no way {told(gaze)} to do without a gaze; choose torso or omit"
             )
         if self.absent_gaze == "omit" and weights[kernel.VISIBILITY] > 1.0 - 1e-9:
             raise BadInput(
@@ -154,7 +155,7 @@ class MeetSettings(CheckedSettings):
     T_world_base: np.ndarray | None = None
     cell: float = setting(0.15, 0.01, 1.0, "m")
     rotations: int = 72
-    marked_share: float = 0.0
+    marked_share: float = setting(0.0, 0.0, 1.0)
     quality: QualitySettings = field(default_factory=QualitySettings)
     swivel_step: float = setting(math.radians(30.0), math.radians(1.0), math.pi, "rad")
     constraints: Sequence[Constraint] = ()
@@ -166,16 +167,18 @@ class MeetSettings(CheckedSettings):
         T = np.eye(4) if self.T_world_base is None else self.T_world_base
         T = frozen(check_pose(T, "T_world_base"), np.float64)
         object.__setattr__(self, "T_world_base", T)
-        if self.rotations not in SIZES:
+        if not isinstance(self.rotations, Integral) or self.rotations not in SIZES:
             known = ", ".join(map(str, SIZES))
             raise BadInput(
-                f"no grid has {self.rotations} rotations; choose one of {known}"
+                f"no grid has {told(self.rotations)} rotations; choose one of {known}"
             )
-        if not 0 <= self.marked_share < 1:
+        if self.marked_share == 1.0:
             raise BadInput(
                 f"marked_share is {self.marked_share}; give a share from 0 (any cell) "
                 "to below 1"
             )
+        several = "give a list of them, such as [Above(0.75)]"
+        check_kind("constraints", self.constraints, Iterable, several)
         object.__setattr__(self, "constraints", tuple(self.constraints))
         for c in self.constraints:
             if not callable(getattr(c, "allows", None)):

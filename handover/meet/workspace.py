@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from numbers import Integral
@@ -20,7 +20,6 @@ from handover.meet.held_object import HeldObject, checked_grasps
 from handover.meet.meet_tables import (
     PersonTables,
     bounds_of,
-    coarse_human_reach,
     hands_of,
     scratch,
     state_of,
@@ -33,7 +32,7 @@ from handover.reach.reach_map import ReachMap
 from handover.reach.robot_cells import RobotCells, robot_cells
 from roadmap.arrays import frozen
 from roadmap.errors import BadInput
-from roadmap.ranges import check_kind, is_between, settings_of, told
+from roadmap.ranges import check_kind, is_between, is_real, settings_of, told
 from roadmap.transforms import flat_pose
 
 _CHUNK = 20_000  # poses judged by the constraints in one go
@@ -116,7 +115,7 @@ class InteractionWorkspace:
         self._entries = Entries(
             self._keys, self._removed, np.zeros(len(self._cells), bool)
         )
-        self._tables = PersonTables(human_reach or coarse_human_reach())
+        self._tables = PersonTables(human_reach)
         self._tools = self._cells.grid.rotations.centers.reshape(-1, 9)
         R, p = s.T_world_base[:3, :3], s.T_world_base[:3, 3]
         self._turns_world = R @ self._cells.grid.rotations.centers
@@ -229,8 +228,11 @@ class InteractionWorkspace:
             budget: Work at most, in hundreds of compared bytes; about 1 us each.
 
         Raises:
-            BadInput: None was begun since the person was told last.
+            BadInput: None was begun since the person was told last, or the budget is
+                no number.
         """
+        if not is_real(budget) or budget != budget:
+            raise BadInput(f"a budget of {told(budget)} is none; give a number")
         task, order, at, n = self._pass_begun()
         at, n = go_on(task, order, at, n, float(budget))
         self._pass = _Pass(task, order, at, n)
@@ -291,8 +293,13 @@ class InteractionWorkspace:
         Bent as `Target.arm_q` says, and as far as a constraint tells of arms
         (`ClearOf`); others are all returned. With such a constraint neither they nor
         the object may be in what a `scene` adds (`ClearOf.of_scene`).
+
+        Raises:
+            BadInput: No list of targets, or a scene that is none.
         """
-        kept, s = list(targets), self.settings
+        if scene is not None:
+            check_kind("scene", scene, ClearOf, "give ClearOf.of_scene(...) or None")
+        kept, s = _as_targets(targets), self.settings
         still = [c for c in s.constraints if isinstance(c, ClearOf)]
         if still and scene is not None and len(scene.scenery.solids):
             still.append(scene)
@@ -325,7 +332,7 @@ class InteractionWorkspace:
         if targets is None:
             self._removed[:] = False
             return
-        for at in [self._place_of(target) for target in targets]:
+        for at in [self._place_of(target) for target in _as_targets(targets)]:
             self._removed[at] = False
 
     def _place_of(self, target: Target) -> int:
@@ -447,6 +454,16 @@ def _checked_keys(keys: Sequence[int] | np.ndarray) -> np.ndarray:
     if array.dtype.kind not in "iu" and (array.size or array.dtype == object):
         raise BadInput(f"keys are {told(keys)}; give whole numbers, as Target.key")
     return array.astype(np.int64).reshape(-1)
+
+
+def _as_targets(targets: Sequence[Target]) -> list[Target]:
+    """Return targets as a list; refuse what is none of them."""
+    several = "give a list of targets that best() returned"
+    check_kind("targets", targets, Iterable, several)
+    kept = list(targets)
+    for target in kept:
+        check_kind("a target", target, Target, several)
+    return kept
 
 
 def _grasps(obj: HeldObject, grasps: Sequence | np.ndarray | int | None) -> np.ndarray:

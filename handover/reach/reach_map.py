@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from roadmap.arrays import as_floats, brief, frozen
 from roadmap.builds.store import made_of, read_folder, write_folder
 from roadmap.errors import BadInput, BadMap
 from roadmap.kinematics._chain import from_lattice
-from roadmap.ranges import check_path
+from roadmap.ranges import check_kind, check_path, check_yes, is_real, told
 from roadmap.robot.robot import Robot
 from roadmap.transforms import check_pose, flat_pose
 
@@ -103,7 +104,14 @@ class ReachMap:
         return self.witness_of(int(kernels.cell_of(self._grid_arrays, pose)))
 
     def witness_of(self, cell: int) -> np.ndarray | None:
-        """Return the witness of a cell as the robot's q, None if it is not reached."""
+        """Return the witness of a cell as the robot's q, None if it is not reached.
+
+        Raises:
+            BadInput: The cell is no whole number.
+            BadMap: The map contradicts itself.
+        """
+        if not isinstance(cell, Integral) or not is_real(cell):
+            raise BadInput(f"a cell is {told(cell)}; give the whole number of one")
         grid = self._grid_arrays
         if lookup.entry_of(self.packed, grid.size[3], cell) < 0:
             return None
@@ -125,8 +133,12 @@ class ReachMap:
         """Return the (n,) uint8 qualities of cells (n,), 0 where not reached.
 
         Raises:
-            BadInput: A cell that is not in the grid (-1 is: not reached).
+            BadInput: No list of whole numbers, or a cell that is not in the grid (-1
+                is: not reached).
         """
+        whole = as_floats("cells", cells)
+        if whole.ndim != 1 or (whole != np.round(whole)).any():
+            raise BadInput(f"cells are {told(cells)}; give (n,) whole numbers")
         cells = np.ascontiguousarray(cells, np.int64)
         if len(cells) and not (-1 <= cells.min() and cells.max() < self.grid.n_cells):
             raise BadInput(
@@ -218,6 +230,9 @@ def load_reach_map(
         BadMap: Not a reach map, truncated, altered, of another version or robot.
     """
     path = check_path("the folder of a reach map", path)
+    verify = check_yes("verify", verify)
+    if robot is not None:
+        check_kind("robot", robot, (Robot, Chain), "give a Robot, a Chain or None")
     if not (path / "manifest.json").is_file():
         raise BadMap(
             f"{path} holds no reach map; build one with `odm workspace build ROBOT "

@@ -19,12 +19,14 @@ from handover.targets.target_choice import TargetChoice
 from handover.targets.target_goals import Goal, TargetGoals
 from handover.targets.target_offers import TargetOffers
 from odm.answer import Answer
+from odm.checks import check_numbers
 from odm.obstacles.obstacles import Obstacles
 from odm.obstacles.scenery import Scenery
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference, tool_pose
 from roadmap.ranges import check_kind, settings_of
+from roadmap.robot.robot import Robot
 
 THERE, UNDER_WAY, BLOCKED, NOBODY = "there", "on the way", "blocked", "no target"
 WITHDRAWN = "withdrawn"
@@ -93,7 +95,8 @@ class LiveTargets:
         counts: "frames", "changes" of the target pursued, "set_goals", "attached".
 
     Raises:
-        BadInput: The workspace is another robot's, or the index another map's.
+        BadInput: The workspace is another robot's, or the index another map's, or
+            `rest` is no configuration.
     """
 
     def __init__(
@@ -107,6 +110,8 @@ class LiveTargets:
         s = self.settings = settings_of(settings, LiveSettings)
         check_kind("planner", planner, ReactivePlanner, "give an odm.ReactivePlanner")
         check_kind("meet", meet, InteractionWorkspace, "give an InteractionWorkspace")
+        if rest is not None:
+            rest = check_numbers(planner.robot, rest, "rest")
         self.planner, self.meet, self.rest = planner, meet, rest
         self.choice = TargetChoice(s.choice)
         self.finder = TargetGoals(planner, meet, index, s)
@@ -177,12 +182,15 @@ class LiveTargets:
             q: (dof,) present configuration [rad or m].
             allowance: What the frame may do of a ranking that goes on over several, and
                 of goals joined ahead; None: as much as the settings say.
+
+        Raises:
+            BadInput: No person, no configuration, or an allowance that is none.
         """
+        check_kind("human", human, Human, "give a handover.Human")
+        if allowance is not None:
+            check_kind("allowance", allowance, Allowance, "give an Allowance or None")
         if self.rest is None:
-            robot = self.planner.robot
-            lower = np.where(robot.continuous, -np.inf, robot.lower)
-            upper = np.where(robot.continuous, np.inf, robot.upper)
-            self.rest = np.clip(np.array(q, float), lower, upper)
+            self.rest = _within_limits(self.planner.robot, q)
         if self.settings.near_rest:
             self.finder.rest = self.rest
         self.counts["frames"] += 1
@@ -191,11 +199,7 @@ class LiveTargets:
         self._changed = False
         self.finder.look_again(allowance)
         if self.withdrawn and (self.goals or not self.counts["set_goals"]):
-            self._changed = True  # a costly job: no other in this frame
-            self.counts["set_goals"] += 1
-            self.goals = self._set_valid(())
-            if allowance is not None:
-                allowance.spend(allowance.takes.set_goals)
+            self._give_up_targets(allowance)
             return
         if not self._rank(human, allowance) or self.withdrawn:
             return
@@ -222,6 +226,14 @@ class LiveTargets:
             if allowance is not None:
                 allowance.spend(allowance.takes.set_goals)
         self.goals = goals
+
+    def _give_up_targets(self, allowance: Allowance | None) -> None:
+        """Have the place of rest for a goal: a costly job, no other in this frame."""
+        self._changed = True
+        self.counts["set_goals"] += 1
+        self.goals = self._set_valid(())
+        if allowance is not None:
+            allowance.spend(allowance.takes.set_goals)
 
     def withdraw(self) -> None:
         """Go to the place of rest from the next frame on, and stay there.
@@ -418,3 +430,10 @@ def _check_base(T_world_base: np.ndarray, meet: InteractionWorkspace) -> None:
         "MeetSettings the same T_world_base, or call planner.set_base(np.eye(4)) and "
         "tell the planner all in the base's frame"
     )
+
+
+def _within_limits(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return q (dof,), or what is nearest to it within the joints' limits."""
+    lower = np.where(robot.continuous, -np.inf, robot.lower)
+    upper = np.where(robot.continuous, np.inf, robot.upper)
+    return np.clip(check_numbers(robot, q), lower, upper)

@@ -16,7 +16,7 @@ from odm.frame.freedom import check_valid, is_valid
 from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadConfiguration, BadInput
 from roadmap.kinematics.forward import difference
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, settings_of
 
 NODE, EXACT = "node", "exact"
 _UNSOLVED = "inverse kinematics found no solution"
@@ -71,6 +71,7 @@ class TargetGoals:
         check_same_robot(meet.reach, planner.robot)
         nodes = planner.cell_map.roadmap.nodes
         index = NodeIndex(planner.robot, nodes) if index is None else index
+        check_kind("index", index, NodeIndex, "give a NodeIndex of the map, or None")
         if len(index) != len(nodes):
             raise BadInput(
                 f"the index holds {len(index)} nodes, the planner's roadmap "

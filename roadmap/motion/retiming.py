@@ -77,5 +77,7 @@ def retimed(
             if end > same_until + SAME:
                 raise
             head.repeat(profile, t + head.t, end)
-            if path.index_of(head.state) <= k:
+            # the profile may pass there what is a sharp corner of this path
+            passes = path.stops[k + 1] and head.state.v > SAME
+            if passes or path.index_of(head.state) <= k:
                 raise

@@ -35,7 +35,8 @@ class KeyboardStory:
 
     def open(self) -> None:
         """Take keys and screen of this process's terminal, or raise NoTerminal."""
-        self._keys, self._screen = open_terminal()
+        instead = "choose another person: --human scripted or mocap"
+        self._keys, self._screen = open_terminal("--human keyboard", instead)
 
     def play(self, run: StoryPlay, hear: Callable[[StoryMoment], None]) -> StoryResult:
         """Play at the clock's pace until the story, the time or the user ends it."""

@@ -200,8 +200,13 @@ def taken(keys: Keys, screen: Screen) -> Iterator[None]:
             screen.leave()
 
 
-def open_terminal() -> tuple[Keys, Screen]:
-    """Return keys and screen of the terminal of this process, or raise NoTerminal."""
+def open_terminal(what_needs: str = "", instead: str = "") -> tuple[Keys, Screen]:
+    """Return keys and screen of the terminal of this process, or raise NoTerminal.
+
+    Args:
+        what_needs: What was asked for; empty: the motion of `odm run`.
+        instead: What to ask for without a terminal; empty: its other motions.
+    """
     streams = [s for s in (sys.stdout, sys.stderr) if _is_terminal(s)]
     for missing, what in (
         (not _is_terminal(sys.stdin), "standard input is none"),
@@ -209,8 +214,8 @@ def open_terminal() -> tuple[Keys, Screen]:
     ):
         if missing:
             raise NoTerminal(
-                f"motion keyboard needs a terminal, but {what}; run it in one, or "
-                f"choose another motion: {', '.join(_others())}"
+                f"{what_needs or 'motion keyboard'} needs a terminal, but {what}; run "
+                f"it in one, or {instead or _others()}"
             )
     stream = streams[0]
     stream.flush()
@@ -226,7 +231,8 @@ def _is_terminal(stream: object) -> bool:
         return False
 
 
-def _others() -> list[str]:
+def _others() -> str:
     from sim.people.human_motion import motion_names
 
-    return [name for name in motion_names() if name != "keyboard"]
+    others = [name for name in motion_names() if name != "keyboard"]
+    return f"choose another motion: {', '.join(others)}"

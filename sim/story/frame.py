@@ -7,7 +7,6 @@ import math
 import operator
 from collections import deque
 from dataclasses import dataclass, replace
-from numbers import Real
 
 import numpy as np
 
@@ -17,9 +16,10 @@ from odm.execution.missing import MissingParts
 from odm.execution.settings import FollowSettings
 from odm.execution.threat import Threat, Watcher
 from odm.obstacles.obstacles import Obstacles
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, least_gap, moved_rods
-from roadmap.ranges import check_kind
+from roadmap.ranges import check_kind, check_seconds
 from sim.story.robot_hand import Hand
 from sim.story.settings import ConductSettings
 
@@ -77,9 +77,12 @@ class StoryFrame:
     stamp: float | None = None
 
     def __post_init__(self) -> None:
-        check_kind("now", self.now, Real, "give the time in seconds")
+        check_seconds("now", self.now)
         if self.stamp is not None:
-            check_kind("stamp", self.stamp, Real, "give the time in seconds, or None")
+            check_seconds("stamp", self.stamp)
+        for name in ("opened", "holds"):  # NaN, or what is not known, says neither
+            given = getattr(self, name)
+            check_kind(name, given, (bool, np.bool_), "give True or False, as measured")
         nobody = "where nobody is seen, any with capsules=np.zeros((0, 7))"
         check_kind("human", self.human, Human, f"give a handover.Human; {nobody}")
         for name, shape in _SHAPES.items():
@@ -87,8 +90,10 @@ class StoryFrame:
                 object.__setattr__(self, name, _numbers(name, self, shape))
         if self.T_base_object is not None:
             object.__setattr__(self, "T_base_object", _as_pose(self.T_base_object))
-        parts = self.human.labels if self.labels is None else np.asarray(self.labels)
+        parts = self.human.labels
         if self.labels is not None:
+            as_floats("labels", self.labels)  # refuses words, and rows of other lengths
+            parts = np.asarray(self.labels)
             object.__setattr__(self, "labels", parts)
         rows = self.human.labels if self.capsules is None else self.capsules
         if self.capsules is not None or self.labels is not None:
@@ -122,7 +127,7 @@ def _numbers(name: str, frame: StoryFrame, shape: tuple[int, ...]) -> np.ndarray
     given = getattr(frame, name)
     try:
         numbers = np.asarray(given, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.zeros(())
     if len(shape) != numbers.ndim or any(
         n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)

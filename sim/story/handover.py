@@ -30,7 +30,7 @@ from roadmap.errors import BadConfiguration, BadInput
 from roadmap.geometry.gaps import ball_gaps, least_gap
 from roadmap.kinematics.forward import cover_balls, difference
 from roadmap.motion.motion import SetPoint
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, settings_of
 from roadmap.transforms import inverse_pose
 from sim.story import machine as table
 from sim.story.comfort import UP, Berth, comfort_rods
@@ -99,6 +99,13 @@ class Handover:
         conduct: ConductSettings = ConductSettings(),
     ) -> None:
         s = self.settings = settings_of(settings, StorySettings)
+        for name, given, kind in (
+            ("planner", planner, ReactivePlanner),
+            ("targets", targets, LiveTargets),
+            ("executor", executor, Executor),
+            ("conduct", conduct, ConductSettings),
+        ):
+            check_kind(name, given, kind, f"give {kind.__name__}(...)")
         self.conduct = conduct
         _check_base(planner)
         self.planner, self.targets, self.executor = planner, targets, executor
@@ -275,7 +282,13 @@ class Handover:
         return self.machine.outcome("open" if self._give else "free")
 
     def update(self, frame: StoryFrame) -> Command:
-        """Take a frame, decide, plan, and move on by one period of the executor."""
+        """Take a frame, decide, plan, and move on by one period of the executor.
+
+        Raises:
+            BadInput: No `StoryFrame`, or numbers in it of which the robot has more or
+                fewer joints.
+        """
+        check_kind("frame", frame, StoryFrame, "give a StoryFrame(...)")
         executor = self.executor
         if frame.q is not None:
             executor.locate(frame.q)

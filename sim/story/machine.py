@@ -85,6 +85,7 @@ _OF_PLACES = (
 
 GIVE = (
     Row(FETCH, "held", APPROACH, "the object is in the hand"),
+    Row(FETCH, "lost", RETREAT, "the object was dropped as it was lifted", True),
     Row(FETCH, "missed", RETREAT, "there was nothing to grasp", True),
     Row(FETCH, "occupied", RETREAT,
         "somebody stood where the object is: it could not be fetched in time", True),

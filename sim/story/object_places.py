@@ -9,6 +9,7 @@ from handover.targets.allowance import Allowance
 from handover.targets.node_index import NodeIndex
 from handover.targets.put_down import BESET, UNREACHED, Places, carries
 from odm.checks import AVOID
+from roadmap.arrays import as_floats
 from roadmap.errors import BadInput
 from roadmap.geometry.gaps import ball_gaps, beads, moved_rods
 from roadmap.transforms import check_pose
@@ -282,7 +283,7 @@ def checked_places(T_base_place: np.ndarray | None) -> np.ndarray:
     """Return the object's places (n, 4, 4), its own first; none for None."""
     if T_base_place is None:
         return np.zeros((0, 4, 4))
-    rows = np.asarray(T_base_place, float)
+    rows = as_floats("T_base_place", T_base_place)
     if rows.ndim == 2:
         rows = rows[None]
     if rows.ndim != 3 or not len(rows):

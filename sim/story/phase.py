@@ -27,6 +27,7 @@ from odm.obstacles.obstacles import Obstacles
 from odm.planner.planner import ReactivePlanner
 from roadmap.geometry.gaps import ball_gaps
 from roadmap.kinematics.forward import cover_balls
+from roadmap.ranges import check_kind
 
 # Kept from wherever an object that is held out can be while the robot stops [m]. More:
 # it stops earlier before one that moves.
@@ -53,6 +54,7 @@ class PhasePlanner:
     """
 
     def __init__(self, planner: ReactivePlanner) -> None:
+        check_kind("planner", planner, ReactivePlanner, "give an odm.ReactivePlanner")
         self.planner = planner
         self.phase: str | None = None
         self.classes = np.zeros(0, np.int8)

@@ -198,7 +198,7 @@ class StoryPlay:
         self.index, self.result = 0, StoryResult(case, self.known is not None)
         self._centers = sphere_centers(planner.robot, setup.rest)
         self._stood, self._fell = True, False
-        self._ddq = np.zeros(planner.robot.dof)
+        self._dq = self._ddq = np.zeros(planner.robot.dof)
 
     def step(self) -> StoryMoment:
         """Go on by one frame."""
@@ -333,9 +333,11 @@ class StoryPlay:
     def _note_limits(self, moment: StoryMoment) -> None:
         """Note how much of the joints' limits a frame used."""
         robot, result = self.planner.robot, self.result
-        rate = RATE * (moment.ddq - self._ddq)
-        self._ddq = moment.ddq
-        used = float(np.abs(moment.ddq / robot.max_acceleration).max())
+        rate, mean = RATE * (moment.ddq - self._ddq), RATE * (moment.dq - self._dq)
+        self._dq, self._ddq = moment.dq, moment.ddq
+        # a step of the velocity within a frame is in no acceleration that is told
+        most = np.maximum(np.abs(moment.ddq), np.abs(mean))
+        used = float((most / robot.max_acceleration).max())
         jerk = float(np.abs(rate / robot.max_jerk).max())
         result.acceleration = max(result.acceleration, used)
         result.jerk = max(result.jerk, jerk)

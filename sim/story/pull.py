@@ -10,6 +10,7 @@ the mean over `window_s` has been above `force` for `hold_s`. A bump of 30 N tha
 """
 
 import math
+import operator
 from collections import deque
 from dataclasses import dataclass
 
@@ -67,6 +68,7 @@ class PullDetector:
         self.force, self.lasted, self.felt = 0.0, 0.0, False
         self.weak, self.counts_from = 0.0, 0.0
         self._weak_s = 0.0
+        self._way = [0.0, 0.0, 0.0]  # in which a pull began
 
     @property
     def pulls(self) -> bool:
@@ -145,6 +147,9 @@ class PullDetector:
             others = math.dist(mean[:3], mean[3:])
         least = added + s.force * (3.0 if moving else 1.0)
         if self.force >= least and others >= s.force:
+            # one that swings to and fro is a thing that shakes, and nobody's pull
+            if not self.lasted or sum(map(operator.mul, pull, self._way)) <= 0.0:
+                self.lasted, self._way = 0.0, pull
             self.lasted += dt
             self.weak = 0.0
             return

@@ -1,6 +1,6 @@
 """What `odm demo` is asked for, and the hand-over as it plays it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim.run.request import file_trouble, page_trouble
@@ -38,7 +38,11 @@ class DemoRequest:
         "maintenance: three tools up to a person on a ladder, and back.",
         metavar="work|handover|maintenance",
     )
-    out: Path = flag(Path("out"), "Folder for pictures and figures.", writes=PICTURES)
+    out: Path = flag(
+        Path("out"),
+        "Folder for pictures and figures.",
+        writes=replace(PICTURES, always=True),
+    )
     seconds: float | None = optional(
         "Simulated time in s; 30 if left, up to 4 times that for a slow robot.",
         limits=SECONDS,

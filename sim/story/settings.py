@@ -11,8 +11,8 @@ import numpy as np
 from odm.execution.speed_limit import SpeedSettings
 from odm.execution.threat import ThreatSettings
 from roadmap.errors import BadInput
-from roadmap.kinematics.joint_tree import JOINT, KIND, REVOLUTE
-from roadmap.ranges import CheckedSettings, check_kind, setting
+from roadmap.kinematics.joint_tree import JOINT, KIND, REVOLUTE, check_robot
+from roadmap.ranges import CheckedSettings, check_kind, setting, told
 from roadmap.robot.robot import Robot
 from sim.story.machine import DIRECTIONS
 from sim.story.pull import PullSettings
@@ -283,7 +283,11 @@ class StorySettings(CheckedSettings):
         Args:
             robot: The robot; see `patience_with`.
             settings: By name; these stay as they are given.
+
+        Raises:
+            BadInput: No robot, or one that does not say how fast its joints are.
         """
+        check_robot(robot, "max_velocity")
         times, own = patience_with(robot), cls()
         names = ("wait_s", "fetch_s", "place_s", "put_down_s")
         longer = {name: times * getattr(own, name) for name in names}
@@ -291,11 +295,11 @@ class StorySettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.direction not in DIRECTIONS:
+        asked = self.direction
+        if not isinstance(asked, str) or asked not in DIRECTIONS:
             raise BadInput(
-                f"direction is {self.direction!r}; choose {' or '.join(DIRECTIONS)}"
+                f"direction is {told(asked)}; choose {' or '.join(DIRECTIONS)}"
             )
-        check_kind("slow", self.slow, bool, "give True or False")
         for name, kind in _PARTS.items():
             check_kind(name, getattr(self, name), kind, f"give {kind.__name__}(...)")
         if self.gone < self.near:

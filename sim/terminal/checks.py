@@ -70,6 +70,7 @@ class Writes:
     what: str = "file"  # the kind of file, for the sentence
     needs: tuple[str, ...] = ()  # modules without which it cannot be made
     folder: bool = False  # a folder is named, not a file
+    always: bool = False  # it is written where the flag is left out, too
 
     @property
     def metavar(self) -> str:
@@ -160,9 +161,12 @@ def check_target(word: str, path: Path, writes: Writes) -> None:
         )
     for module in writes.needs:
         if not is_there(module):
+            instead = f", or leave {word} out"
+            if writes.always:
+                instead = "; `odm run` and docs/examples need none"
             raise Refused(
                 f"{word} needs {module}, which is not installed; run: pip install "
-                f"'odm-planner[{EXTRAS[module]}]', or leave {word} out"
+                f"'odm-planner[{EXTRAS[module]}]'{instead}"
             )
     if not writes.folder and path.is_dir():
         raise Refused(f"{word} {path} is a folder; name a file in it")

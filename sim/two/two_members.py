@@ -15,7 +15,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion, time_path
-from roadmap.ranges import CheckedSettings, setting
+from roadmap.ranges import CheckedSettings, setting, told
 from sim.loop.loop import ARRIVED
 from sim.loop.run_result import STATUS
 
@@ -50,8 +50,10 @@ class TwoSettings(CheckedSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.other not in (PLANNED, SCRIPTED):
-            raise BadInput(f"other is {self.other!r}; choose {PLANNED} or {SCRIPTED}")
+        if not isinstance(self.other, str) or self.other not in (PLANNED, SCRIPTED):
+            raise BadInput(
+                f"other is {told(self.other)}; choose {PLANNED} or {SCRIPTED}"
+            )
 
 
 class Planned:

@@ -21,7 +21,8 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.errors import BadInput, PlanningError
 from roadmap.kinematics.forward import difference
 from roadmap.motion.motion import Motion
-from roadmap.ranges import settings_of
+from roadmap.ranges import check_kind, settings_of
+from roadmap.transforms import check_pose
 from sim.loop.run_result import kind_of
 from sim.loop.work_places import work_places
 from sim.two.robot_pair import ExactPair
@@ -43,7 +44,8 @@ class TwoRobots:
         settings: Rate, time and who plans.
 
     Raises:
-        BadInput: The bases meet, or leave a robot no place to work or to wait.
+        BadInput: The bases meet, or leave a robot no place to work or to wait; other
+            than two maps, or a base that is no pose.
     """
 
     def __init__(
@@ -53,7 +55,11 @@ class TwoRobots:
         settings: TwoSettings | None = None,
     ) -> None:
         self.settings = settings_of(settings, TwoSettings)
-        T = np.asarray(T_world_base, float)
+        if len(maps) != 2:
+            raise BadInput(f"there are {len(maps)} maps; give two, one of each robot")
+        for one in maps:
+            check_kind("a map", one, CellMap, "give what odm.load_map returns")
+        T = check_pose(T_world_base, "T_world_base")
         self.T = (np.eye(4), T)
         # base of the other one in the base frame of robot 0 and 1
         self.T_other = (T, np.linalg.inv(T))

@@ -292,6 +292,13 @@ def test_poses_that_are_none_are_refused(arm_map):
             arm_map.quality(bad)
     with pytest.raises(BadInput, match="cells go"):
         arm_map.qualities(np.array([arm_map.grid.n_cells]))
+    with pytest.raises(BadInput, match=r"cells are \[0.5\]; give .n,. whole numbers"):
+        arm_map.qualities([0.5])
+    with pytest.raises(BadInput, match="cells must be an array of real"):
+        arm_map.qualities("all")
+    for wrong in (None, "first", 10**400):
+        with pytest.raises(BadInput, match="a cell is .*; give the whole number"):
+            arm_map.witness_of(wrong)
     assert len(arm_map.quality(np.empty((0, 4, 4)))) == 0
 
 

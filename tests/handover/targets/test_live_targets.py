@@ -420,6 +420,24 @@ def test_an_index_of_another_map_is_refused(cell_map, robot_map):
         live_of(cell_map, robot_map, index, person(0.9))
 
 
+def test_what_is_no_index_rest_person_or_allowance_is_refused(
+    cell_map, robot_map, index
+):
+    live = live_of(cell_map, robot_map, index, person(0.9))
+    planner, meet, q = live.planner, live.meet, start(cell_map)
+    for call, words in (
+        (lambda: LiveTargets(planner, meet, index=3), "index is 3"),
+        (lambda: LiveTargets(planner, meet, rest="home"), "q must be an array of real"),
+        (lambda: LiveTargets(planner, meet, rest=np.nan * q), "rest holds NaN"),
+        (lambda: live.look("somebody", q), "human is 'somebody'"),
+        (lambda: live.look(person(0.9), "here"), "q must be an array of real"),
+        (lambda: live.look(person(0.9), q, 3), "allowance is 3"),
+        (lambda: live.expect(np.zeros(2)), "no array.* arm"),
+    ):
+        with pytest.raises(BadInput, match=words):
+            call()
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [

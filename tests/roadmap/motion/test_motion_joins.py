@@ -115,6 +115,33 @@ def test_limits_hold_through_joins_over_common_corners_and_stops(panda, seed):
         assert motion.deviation <= BLEND + 1e-12
 
 
+def test_a_sharp_corner_behind_a_blend_is_not_passed(panda):
+    """A join there repeated the old profile up to it, and went on at that speed."""
+    joined, rng = 0, np.random.default_rng(3)
+    middle = 0.5 * (panda.lower + panda.upper)
+    for _ in range(12):
+        first = towards(rng, panda.dof)
+        second = towards(rng, panda.dof, first, 0.05)
+        third = towards(rng, panda.dof, second, 0.6)
+        legs = -0.8 * first, 0.0 * first, 0.3 * second, 0.3 * second + 0.5 * third
+        motion = roadmap.time_path(panda, middle + np.array(legs), blend=0.004)
+        for t in np.linspace(0.1, 0.9, 24) * motion.duration:
+            commit = motion.commit(t, through_blends=True)
+            if motion.path.pieces[motion.path.index(motion.place(t))].d == 0.0:
+                continue
+            off = np.vstack([commit.q, commit.q + 0.4 * towards(rng, panda.dof)])
+            check_limits(panda, sampled(motion.join(t, commit, off, blend=0.004)))
+            joined += 1
+    assert joined >= 40
+
+
+def towards(rng, dof, near=0.0, off=1.0):
+    """A direction (dof,), that of another one but for a share."""
+    turn = rng.standard_normal(dof)
+    u = near + off * turn / np.linalg.norm(turn)
+    return u / np.linalg.norm(u)
+
+
 def test_of_two_corners_that_nearly_are_one_both_may_be_on_the_way(panda, rng):
     """A robot on the second's blend was to go on over a corner that it had begun."""
     on_both = 0

@@ -340,6 +340,14 @@ def test_a_missing_extra_is_told_before_any_work(
     refused(words, f"needs {module}", extra)
 
 
+@pytest.mark.parametrize("more", [(), ("handover",), ("--out", "there")])
+def test_what_a_demo_always_draws_cannot_be_left_out(refused, monkeypatch, more):
+    """The remedy was to leave out `--out`, which nobody had given."""
+    there = checks.is_there
+    monkeypatch.setattr(checks, "is_there", lambda m: m != "matplotlib" and there(m))
+    refused(("demo", *more), "needs matplotlib", "[sim]'; `odm run` and docs/examples")
+
+
 def test_without_a_word_the_help_is_shown_once(odm):
     code, out, err = odm()
     assert code == 2 and (out + err).count("Usage:") == 1

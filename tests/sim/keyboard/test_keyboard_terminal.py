@@ -19,6 +19,7 @@ from odm.planner.planner import ReactivePlanner
 from roadmap.graph.connecting import RoadmapSettings
 from sim.keyboard.control import KeyEvent
 from sim.keyboard.key_motion import KeyboardArm
+from sim.keyboard.story import KeyboardStory
 from sim.keyboard.terminal import NoTerminal, Screen, open_terminal
 from sim.loop.loop import LoopSettings, run_loop
 from sim.run.places import DEMO, find_places
@@ -242,6 +243,15 @@ def test_without_a_terminal_one_sentence_names_the_other_motions():
     (sentence,) = [line for line in lines if line.startswith("odm: ")]
     assert "needs a terminal" in sentence and "standard input is none" in sentence
     assert "sweep, reach, jitter, hover, intrusion" in sentence
+
+
+def test_without_a_terminal_a_hand_over_names_the_other_people(monkeypatch):
+    """It named the motions of `odm run`, which `odm demo handover` does not know."""
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with pytest.raises(NoTerminal, match="--human keyboard needs") as told:
+            KeyboardStory(5.0).open()
+    assert str(told.value).endswith("choose another person: --human scripted or mocap")
 
 
 def test_keys_without_a_place_to_draw_are_refused(monkeypatch):

@@ -1038,6 +1038,43 @@ def test_what_is_heavier_than_was_told_is_kept_once_its_giver_has_gone(maps):
     assert story.outcome == "handed over"
 
 
+@pytest.mark.parametrize("name", ["planner", "targets", "executor", "conduct"])
+def test_what_a_story_is_made_of_must_be_that(maps, name):
+    story, _ = story_of(maps)
+    parts = dict(planner=story.planner, targets=story.targets, executor=story.executor)
+    with pytest.raises(BadInput, match=f"^{name} is 'x' .str.; give [A-Z]"):
+        sim.Handover(**parts | {name: "x"})
+    with pytest.raises(BadInput, match="T_base_place must be an array of real"):
+        sim.Handover(**parts, T_base_place="table")
+    with pytest.raises(BadInput, match="planner is 'x'"):
+        sim.PhasePlanner("x")
+    with pytest.raises(BadInput, match="direction is array"):
+        sim.StorySettings(direction=np.zeros(2))
+    with pytest.raises(BadInput, match="robot"):
+        sim.StorySettings.for_robot("panda")
+
+
+def test_an_object_that_is_dropped_as_it_is_lifted_is_told_at_once(maps):
+    """The robot stood, its fingers closed, for the 20 s of `fetch_s`."""
+    story, human = at_a_place(maps, "give", FETCH)
+    closed_at = []
+
+    def look(story, now, opened, closed):
+        taken = story.holding
+        closed_at[:] = closed_at or ([now] if taken else [])
+        there = closed and not (taken and now > closed_at[0] + 0.1)
+        return sim.StoryFrame(now, human, pulled(0.0), opened, there)
+
+    assert tell(story, 12.0, look)[0] == "retreat"
+    first = story.events[0]
+    assert (first.signal, first.reason) == (
+        "lost",
+        "the object was dropped as it was lifted",
+    )
+    assert first.time_s < closed_at[0] + 0.3
+    assert story.outcome == first.reason
+
+
 def test_nothing_held_out_in_reach_ends_in_time(maps):
     story, human = story_of(maps, "receive", wait_s=1.0)
 
@@ -1217,6 +1254,11 @@ def test_a_frame_of_another_shape_is_refused_by_name_and_lists_are_arrays(maps):
         ("wrench", dict(wrench="12 N")),
         ("human", dict(human=None)),
         ("now", dict(now="3")),
+        ("now", dict(now=10**400)),
+        ("wrench", dict(wrench=10**400)),
+        ("opened is nan", dict(opened=np.nan)),  # counted as open, and as holding
+        ("holds is None", dict(holds=None)),
+        ("labels must be an array of real", dict(capsules=rows, labels=[[1], [1, 2]])),
         ("capsules", dict(capsules=rows[:, :6])),
         ("5 capsules and 15 labels", dict(capsules=rows[:5])),
         ("2 labels", dict(labels=[0, 1])),
@@ -1236,6 +1278,8 @@ def test_a_frame_of_another_shape_is_refused_by_name_and_lists_are_arrays(maps):
     frame = sim.StoryFrame(0.0, human, T_base_object=np.full((4, 4), np.nan))
     assert frame.T_base_object is None
     story, _ = story_of(maps)
+    with pytest.raises(BadInput, match="frame is None"):
+        story.update(None)
     with pytest.raises(BadInput, match="measured q has shape"):
         story.update(sim.StoryFrame(0.0, human, q=np.zeros(6 + story.view.robot.dof)))
 

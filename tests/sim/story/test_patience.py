@@ -1,6 +1,7 @@
 """A slow robot may take longer; a quick one is told what it was told before."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from odm import load_map
 from odm.execution.threat import ThreatSettings
 from sim.story import settings as own
-from sim.story.play import StoryPlay
+from sim.story.play import StoryPlay, StoryResult
 from sim.story.request import LASTS_S, DemoRequest
 from sim.story.settings import PARTNER, StorySettings, patience_with
 
@@ -72,3 +73,14 @@ def test_a_story_is_played_with_the_patience_of_its_robot(monkeypatch):
     told = [{"direction": "receive", "threat": PARTNER}]
     told += [{"direction": "give", "threat": ThreatSettings()}]
     assert asked == [("slow", one) for one in told] and PARTNER != ThreatSettings()
+
+
+def test_a_step_of_the_velocity_is_beyond_the_limits(robot):
+    """Twice the limit in the mean of a frame, of which no told acceleration says."""
+    run = StoryPlay.__new__(StoryPlay)
+    run.planner, run.result = SimpleNamespace(robot=robot), StoryResult(None, True)
+    still = run._dq = run._ddq = np.zeros(robot.dof)
+    run._note_limits(SimpleNamespace(dq=0.009 * robot.max_acceleration, ddq=still))
+    assert run.result.beyond == 0 and run.result.acceleration == pytest.approx(0.9)
+    run._note_limits(SimpleNamespace(dq=0.029 * robot.max_acceleration, ddq=still))
+    assert run.result.beyond == 1 and run.result.acceleration == pytest.approx(2.0)

@@ -54,6 +54,14 @@ def test_two_short_tugs_do_not_add_up():
     assert not feel(PullDetector(), tugs).any()
 
 
+def test_what_shakes_the_object_to_and_fro_is_no_pull():
+    """25 N at 6 Hz opened the hand in the air, before anybody had touched it."""
+    t = DT * np.arange(600)
+    swings = [25.0 * np.sin(40.0 * t), 10.0 * np.sin(33.0 * t), 0.0 * t]
+    assert not feel(PullDetector(), still(600) + np.transpose(swings), 0.4).any()
+    assert feel(PullDetector(), still(600) + np.abs(np.transpose(swings)), 0.4).any()
+
+
 def test_a_slow_drift_is_followed():
     drift = still(2000) + np.linspace(0.0, 20.0, 2000)[:, None] * [0.0, 1.0, 0.0]
     assert not feel(PullDetector(), drift).any()

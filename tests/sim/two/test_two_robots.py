@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from forms import size
+from rows import each
 
 from roadmap.errors import BadInput
 from roadmap.transforms import pose_of
@@ -87,6 +88,22 @@ def test_two_robots_that_cannot_meet_do_as_if_alone(small_map):
     result = run_two((small_map, small_map), far, TwoSettings(duration_s=4.0))
     assert result.trips[0] == result.trips[1] > 0
     assert not (result.status == STATUS.index("holding")).any()
+
+
+@each(
+    ("maps", "T", "words"),
+    [
+        (1, np.eye(4), "there are 1 maps; give two"),
+        (["panda", "panda"], np.eye(4), "a map is 'panda' .str.; give"),
+        (2, np.zeros((4, 4)), "T_world_base"),
+        (2, "beside", "T_world_base"),
+        (2, np.full((4, 4), np.nan), "T_world_base"),
+    ],
+)
+def test_what_are_no_two_maps_and_no_base_is_refused(small_map, maps, T, words):
+    given = [small_map] * maps if isinstance(maps, int) else maps
+    with pytest.raises(BadInput, match=words):
+        TwoRobots(given, T)
 
 
 def test_bases_that_always_meet_are_refused(small_map):
