@@ -40,3 +40,7 @@ class BadRecipe(BadInput):
 
 class BuildRefused(PlanningError):
     """A build would not fit in memory, or its grid does not hold the robot."""
+
+
+class NothingFree(BuildRefused):
+    """Hardly any configuration or motion is free: no second try would change that."""

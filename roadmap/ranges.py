@@ -51,7 +51,9 @@ def told(value: object) -> str:
 
 
 def is_number(word: str) -> bool:
-    """Return whether a word of a file reads as a number."""
+    """Return whether a word of a file reads as a number, to other programs, too."""
+    if "_" in word or not word.isascii():  # Python takes 1_0 for 10
+        return False
     try:
         float(word)
     except ValueError:

@@ -2,6 +2,7 @@
 
 import os
 import threading
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
@@ -362,7 +363,8 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
 
     Such a link stands in the scenery by construction (a shoulder by its mounting
     plate). Only bodies that the first joint alone moves are looked at, so a link that
-    could get away is never dropped. Every drop is listed in the map.
+    could get away is never dropped, and none whose body carries a link that comes to
+    touch the solid on its way. Every drop is listed in the map.
     """
     arm = arm_of(robot)
     work = make_work(arm, robot.dof)
@@ -380,5 +382,34 @@ def always_touching(robot: Robot, scenery: Scenery, safety: Safety) -> Scenery:
             clear = kernels.motion_clear_of_solids
             if not any(clear(arm, q, still, solids, work) for q in sample):
                 links = np.flatnonzero(robot.link_body == body)
+                if len(links) > 1 and _comes_to_touch(robot, links, solids, sample):
+                    continue
                 dropped += [(robot.link_names[i], scenery.names[k]) for i in links]
     return replace(scenery, dropped=tuple(dropped))
+
+
+def _comes_to_touch(
+    robot: Robot, links: np.ndarray, solids: kernels.Solids, sample: Sequence
+) -> bool:
+    """Return whether one of the links of a body touches here and may not do so there.
+
+    A link that never touches is one whose whole way is proved clear.
+    """
+    still, clear = np.zeros(robot.dof), kernels.motion_clear_of_solids
+    joint = robot.tree_i[robot.link_body[links[0]], 1]
+    step = np.zeros(robot.dof)
+    step[joint] = (robot.upper[joint] - robot.lower[joint]) / len(sample)
+    way = np.tile(sample[0], (len(sample), 1))
+    way[:, joint] = robot.lower[joint] + step[joint] * np.arange(len(sample))
+    for link in links:
+        own = robot.sphere_link == link
+        if not own.any():
+            continue
+        names = ("spheres", "sphere_body", "sphere_link", "sphere_reach")
+        alone = replace(robot, **{name: getattr(robot, name)[own] for name in names})
+        arm = arm_of(alone)
+        work = make_work(arm, robot.dof)
+        always = not any(clear(arm, q, still, solids, work) for q in sample)
+        if not always and not all(clear(arm, q, step, solids, work) for q in way):
+            return True
+    return False

@@ -12,7 +12,7 @@ from roadmap.errors import BadInput, BadRobot
 from roadmap.loading.body_tree import link_poses
 from roadmap.ranges import check_path
 from roadmap.robot.description import Joint, read_description
-from roadmap.robot.meshes import find_mesh
+from roadmap.robot.meshes import find_mesh, unit_of
 from roadmap.transforms import pose_with, rotation_to_z
 
 KINDS = (".scene", ".urdf", ".xml")
@@ -31,7 +31,7 @@ def read_scene(path: str | Path) -> list[Object]:
     where the origin is not (through the origin: where its normal does not point).
     Of a URDF: the collision shapes of each link with its joints at 0, or as near to 0
     as their limits allow, followers (<mimic>) where those put them; a link without any
-    is left out.
+    is left out. The unit that a COLLADA mesh states is applied, as to robots.
 
     Args:
         path: A `.scene` file, or a URDF (`.urdf`, `.xml`).
@@ -322,7 +322,7 @@ def _urdf_objects(path: Path) -> list[Object]:
                 shapes.append(Cylinder(float(size[0]), float(size[1]), pose))
             else:
                 file = find_mesh(shape.filename, path, (), name)
-                mesh = Mesh.from_file(file, scale=np.array(size))
+                mesh = Mesh.from_file(file, scale=unit_of(file) * np.array(size))
                 shapes.append(Mesh(mesh.vertices, mesh.faces, pose))
         if shapes:
             found.append((name, shapes, T))

@@ -6,6 +6,8 @@ from roadmap.geometry.polytope import polytope, support
 from roadmap.geometry.solids import Solid
 from roadmap.robot.robot import BOX, CYLINDER, SPHERE
 
+_MOST = 500  # parts of a side; a tube 1000 times as long as it is wide needs fewer
+
 
 def grid(solid: Solid, n: int) -> tuple[np.ndarray, float]:
     """Return about `n` points of a grid over the solid's box, and its pitch [m].
@@ -44,7 +46,8 @@ def surface(solid: Solid, n: int) -> tuple[np.ndarray, np.ndarray]:
     parts = np.maximum(1, np.ceil(sides.max(axis=1) / step)).astype(int)
     points, normals = [], []
     for k in np.unique(parts):
-        lattice = _lattices(triangles[parts == k], k)
+        alike = triangles[parts == k]
+        lattice = _lattices(alike, k) if k <= _MOST else _thin_lattices(alike, k, step)
         points.append(lattice.reshape(-1, 3))
         normal = hull.equations[parts == k, None, :3]
         normals.append(np.broadcast_to(normal, lattice.shape).reshape(-1, 3))
@@ -67,6 +70,21 @@ def _lattices(triangles: np.ndarray, k: int) -> np.ndarray:
     u, v = u[u + v <= k, None] / k, v[u + v <= k, None] / k
     a, b, c = (triangles[:, None, i] for i in range(3))
     return a + u * (b - a) + v * (c - a)
+
+
+def _thin_lattices(triangles: np.ndarray, k: int, step: float) -> np.ndarray:
+    """Return as `_lattices` does points of thin triangles, no more across than need be.
+
+    A lattice of k by k would be 5e7 points on a wire.
+    """
+    sides = np.linalg.norm(np.roll(triangles, 1, axis=1) - triangles, axis=2)
+    across = np.argmin(sides, axis=1)  # the side from corner `across` to the one before
+    rows = np.arange(len(triangles))
+    b, c, a = (triangles[rows, (across + i) % 3, None] for i in (0, 2, 1))
+    wide = int(np.ceil(sides.min(axis=1).max() / step))
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, k + 1), np.linspace(0.0, 1.0, wide + 1))
+    u, v = u.reshape(-1, 1), v.reshape(-1, 1)
+    return a + u * (b - a + v * (c - b))
 
 
 def _oriented_box(solid: Solid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -10,8 +10,15 @@ from roadmap.robot.meshes import find_mesh, read_vertices
 from roadmap.robot.robot import BOX, CYLINDER, HULL, SPHERE
 from roadmap.transforms import moved_points
 
-# A mesh thinner than this is no solid: its points become cubes of this edge [m].
+# What is thinner than this is no solid: the points of a mesh become cubes of this edge,
+# a primitive gets as thick [m].
 MIN_THICKNESS = 1e-4
+_TOLD = f"is flat; thickened to {MIN_THICKNESS * 1e3:g} mm"
+_PRIMITIVES = {  # kind, and the least of each of its sizes
+    "box": (BOX, (MIN_THICKNESS,) * 3),
+    "cylinder": (CYLINDER, (MIN_THICKNESS / 2, MIN_THICKNESS)),
+    "sphere": (SPHERE, (MIN_THICKNESS / 2,)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +45,17 @@ def solid_of(
     places it in the body [m]. Meshes are looked up by the path of the URDF.
     """
     pose = T_body_link @ shape.T_link_shape
-    if shape.kind == "box":
-        return Solid(BOX, index, pose, shape.size), ""
-    if shape.kind == "cylinder":
-        return Solid(CYLINDER, index, pose, (*shape.size, 0.0)), ""
-    if shape.kind == "sphere":
-        return Solid(SPHERE, index, pose, (*shape.size, 0.0, 0.0)), ""
+    if shape.kind != "mesh":
+        kind, least = _PRIMITIVES[shape.kind]
+        size = tuple(map(max, shape.size, least))
+        is_thin = size != shape.size
+        note = f"{owner.name}: a {shape.kind} {_TOLD}" if is_thin else ""
+        return Solid(kind, index, pose, (*size, 0.0, 0.0)[:3]), note
     urdf, package_dirs = lookup
     path = find_mesh(shape.filename, Path(urdf), package_dirs, owner.name)
     points = read_vertices(path, shape.size, owner.name)
     points, is_flat = _thickened(points)
-    thickened = f"is flat; thickened to {MIN_THICKNESS * 1e3:g} mm"
-    note = f"{owner.name}: the mesh {path.name} {thickened}" if is_flat else ""
+    note = f"{owner.name}: the mesh {path.name} {_TOLD}" if is_flat else ""
     corners = hull_corners(np.unique(points, axis=0))
     return Solid(HULL, index, pose, points=corners), note
 

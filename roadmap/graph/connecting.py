@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roadmap.builds.chunks import Progress, Threads, Workers
-from roadmap.errors import BadInput, BuildRefused
+from roadmap.errors import BadInput, BuildRefused, NothingFree
 from roadmap.geometry.self_collision import contact_shares
 from roadmap.graph.near import NearSpec, near_nodes
 from roadmap.graph.roadmap import N_LANDMARKS, Roadmap, choose_landmarks
@@ -128,7 +128,7 @@ def build_roadmap(
         free[k : k + _TESTED] = found
         tell("edges", min(k + _TESTED, len(pairs)), len(pairs))
     if not free.any():
-        raise BuildRefused(no_edges(settings, len(pairs)))
+        raise NothingFree(no_edges(settings, len(pairs)))
     edges, lengths = pairs[free], np.linalg.norm(dq[free] * weights, axis=1)
     roadmap, sizes = _largest_component(nodes, edges, lengths, weights)
     return roadmap, BuildReport(drawn, len(pairs), int(free.sum()), sizes)
@@ -151,7 +151,7 @@ def _sample(
         n_kept += len(q)
         tell("nodes", min(n_kept, settings.nodes), settings.nodes)
         if drawn > _MAX_REJECTED * max(n_kept, 100):
-            raise BuildRefused(
+            raise NothingFree(
                 f"only {n_kept} of {drawn} drawn configurations are valid, which is "
                 f"too few for {settings.nodes} nodes; {_how_to_be_free(robot)}"
             )

@@ -1,6 +1,7 @@
 """What a URDF file says, checked: links, joints and shapes as plain data."""
 
 import codecs
+import difflib
 import io
 import math
 import os
@@ -37,6 +38,20 @@ _SHAPES = {  # what each has to say
     "sphere": ("radius",),
     "mesh": ("filename",),
 }
+# What may stand in them but the numbers and what a shape has to say; `rpy` of an axis
+# is in files, and no reader takes it.
+_MORE = {"axis": ("rpy",), "mimic": ("joint",)}
+_PARTS = {  # what stands in what, and is read or known to be of no use here
+    "robot": ("link", "joint"),
+    "link": ("collision", "visual", "inertial"),
+    "joint": (
+        "parent", "child", "origin", "axis", "limit", "mimic", "dynamics",
+        "safety_controller", "calibration",
+    ),
+    "collision": ("origin", "geometry"),
+    "visual": ("origin", "geometry", "material"),
+}  # fmt: skip
+_ALIKE = 0.8  # of difflib: how near a name with a slip is to the one that was meant
 _ONCE = {  # what is read once, so that a second one would be dropped
     "joint": ("parent", "child", "origin", "axis", "limit", "mimic"),
     "collision": ("origin", "geometry"),
@@ -233,6 +248,7 @@ def well_formed(path: Path) -> bytes:
             f"{path.name} holds <{root.tag}>, not <robot>; only URDF files are read"
         )
     _check_parts(root, path.name)
+    _check_names(root, path.name)
     _check_numbers(root, path.name)
     _check_once(root, path.name)
     return etree.tostring(root, encoding="utf-8")
@@ -256,6 +272,37 @@ def _check_parts(root, filename: str) -> None:
                     f"joint {joint.get('name')!r} of {filename} names no {end} link; "
                     f'give it <{end} link="..."/>'
                 )
+
+
+def _check_names(root, filename: str) -> None:
+    """Refuse names with a slip: whoever reads over them has another robot."""
+    for part in (root, *_parts_of(root, *_PARTS)):
+        known = _PARTS[part.tag]
+        for tag in [e.tag for e in part if isinstance(e.tag, str)]:
+            if tag not in known and (meant := _meant(tag, known)):
+                raise BadRobot(
+                    f"<{part.tag}> of {filename}, line {part.sourceline}, holds "
+                    f"<{tag}>, which a URDF does not know; write <{meant}>"
+                )
+    for part in _parts_of(root, *_NUMBERS):
+        known = (*_NUMBERS[part.tag], *_SHAPES.get(part.tag, ()))
+        known += _MORE.get(part.tag, ())
+        for key in part.attrib:
+            # limits have further ones in many files, of drives and of other programs
+            meant = _meant(key, known) if part.tag == "limit" else ", ".join(known)
+            if key in known or key.startswith("{") or ":" in key or not meant:
+                continue
+            if key == "quat_xyzw":
+                meant = "rpy, the same turn as roll, pitch and yaw"
+            raise BadRobot(
+                f"<{part.tag}> of {filename}, line {part.sourceline}, has {key!r}, "
+                f"which is not read; write {meant}"
+            )
+
+
+def _meant(name: str, known: Collection[str]) -> str:
+    """Return which of the known names one with a slip stands for, "" for none."""
+    return next(iter(difflib.get_close_matches(name.lower(), known, 1, _ALIKE)), "")
 
 
 def _check_once(root, filename: str) -> None:

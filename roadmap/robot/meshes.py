@@ -11,6 +11,8 @@ import numpy as np
 from roadmap.errors import BadRobot
 from roadmap.transforms import moved_points
 
+_FARTHEST = 1e6  # [m] beyond it a hull has no digits left; `sizes` asks for far less
+
 
 def find_mesh(filename: str, urdf: Path, package_dirs: tuple, link: str) -> Path:
     """Return the file that `filename` of a URDF means.
@@ -68,7 +70,20 @@ def read_vertices(path: Path, scale: tuple[float, ...], link: str) -> np.ndarray
             f"the mesh {str(path)!r} of link {link!r} holds no finite triangles; "
             f"{_remedy(path)}"
         )
-    return points * np.asarray(scale)
+    points = points * np.asarray(scale)
+    farthest = np.abs(points).max()
+    if farthest > _FARTHEST:
+        raise BadRobot(
+            f"the mesh {str(path)!r} of link {link!r} reaches {farthest:.3g} m far, "
+            f"but at most {_FARTHEST:g} m can be read; correct its corners, or its "
+            "scale"
+        )
+    return points
+
+
+def unit_of(path: Path) -> float:
+    """Return the unit [m] that a COLLADA file states; 1 for any other file."""
+    return _dae_unit(path.read_bytes()) if path.suffix.lower() == ".dae" else 1.0
 
 
 def _remedy(path: Path) -> str:

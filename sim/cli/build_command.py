@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _OWN = "With your own robot"
 _CLUSTER = "On a Dask cluster"
 _COST = "Size and safety"
+_PAIRS = 6  # of links that are named in a line, at most
 _LOADS = "odm.cell_map.chunk_code"
 # sections of a recipe, and the options that go there under their own name
 _SECTIONS = {"roadmap": ("nodes", "neighbors", "seed"), "safety": ("h", "rho")}
@@ -247,6 +248,7 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
     lines += [note for note in robot.notes if note.startswith(names)]
     often = "; the robot never goes there: is their collision geometry right?"
     lines += [note + often for note in robot.notes if OFTEN in note]
+    lines += _untested(robot)
     bare = "; the arm may meet them: give those within its reach collision geometry"
     lines += [note + bare for note in robot.notes if note.startswith(LEFT_OUT)]
     if not recipe.scenery:
@@ -256,6 +258,25 @@ def _tell_size(robot: "Robot", recipe: "Recipe") -> None:
         )
     for line in lines:
         Console(stderr=True).print(line, highlight=False, markup=False)
+
+
+def _untested(robot: "Robot") -> list[str]:
+    """Return a line on the links that are not tested since their solids always touch.
+
+    Their meshes, of which the hulls count, may well stand apart, and meet.
+    """
+    from roadmap.geometry.self_collision import always_touching_pairs
+
+    pairs = sorted(map(sorted, always_touching_pairs(robot)))
+    if not pairs:
+        return []
+    named = ", ".join(f"{a} and {b}" for a, b in pairs[:_PAIRS])
+    more = f" and {len(pairs) - _PAIRS} more pairs" if len(pairs) > _PAIRS else ""
+    return [
+        f"not tested against each other, since their collision geometry, hulls of "
+        f"meshes, touches in all poses: {named}{more}; give those that can stand apart "
+        "collision geometry in smaller parts"
+    ]
 
 
 def built_map(recipe: "Recipe", threads: int = 0) -> Path:

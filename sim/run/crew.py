@@ -65,7 +65,8 @@ def crew(
     """Yield who does the chunks; they are kept beside `target` until it is there.
 
     Threads (0: one per core) where there is no cluster; their chunks go where somebody
-    presses Ctrl-C. Processes load the module `loads` ahead.
+    presses Ctrl-C. Where nothing is free all chunks go, which nobody would go on from.
+    Processes load the module `loads` ahead.
 
     Raises:
         BadInput: Two clusters are asked for, or a shared folder without one.
@@ -73,7 +74,7 @@ def crew(
     """
     from roadmap.builds.chunks import ChunkStore, Threads
     from roadmap.builds.unfinished import kept_unless_ended
-    from roadmap.errors import BadInput
+    from roadmap.errors import BadInput, NothingFree
 
     if place.workers and place.scheduler:
         raise BadInput(
@@ -91,7 +92,8 @@ def crew(
             try:
                 yield Threads(threads, store)
                 _done_with(store)
-            except KeyboardInterrupt:  # who ends it by hand wants nothing left
+            # who ends it by hand wants nothing left
+            except (KeyboardInterrupt, NothingFree):
                 store.discard()
                 raise
     else:
@@ -109,7 +111,11 @@ def crew(
             cluster.tell_dashboard(
                 lambda page: print(f"progress is on {page}", file=sys.stderr)
             )
-            yield cluster
+            try:
+                yield cluster
+            except NothingFree:
+                store.discard()
+                raise
         _done_with(store)
 
 

@@ -186,6 +186,18 @@ def test_a_mesh_of_a_urdf_is_read_beside_it(tmp_path):
         read(tmp_path, text.replace("part.stl", "gone.stl"), "cell.urdf")
 
 
+def test_the_unit_of_a_mesh_of_a_urdf_is_that_of_its_file(tmp_path):
+    import trimesh
+
+    data = trimesh.creation.box((100, 200, 300)).export(file_type="dae").decode()
+    unit = '<asset><unit name="millimeter" meter="0.001"/>'
+    (tmp_path / "part.dae").write_text(data.replace("<asset>", unit, 1))
+    part = '<mesh filename="part.dae" scale="2 1 -1"/>'
+    text = URDF.replace('<box size="1 0.5 0.2"/>', part)
+    (_, (mesh,), _), _ = read(tmp_path, text, "cell.urdf")
+    assert np.allclose(np.ptp(mesh.vertices, axis=0), [0.2, 0.2, 0.3])
+
+
 @each(
     ("text", "told"),
     [

@@ -364,3 +364,17 @@ def test_samples_that_come_later_are_held_as_if_all_had_come_at_once(rng):
     assert (as_bits(rows, 500) == held(more, sampled.points)).all()
     assert as_bits(rows, 500).any(axis=0).all() and (more[:5] == pool).all()
     assert {*map(tuple, points)} == {*map(tuple, sampled.points)}
+
+
+@pytest.mark.parametrize("radius", [5e-5, 2e-4])
+def test_a_wire_is_sampled_all_over_by_no_more_points_than_another_rod(radius):
+    wire = Solid(CYLINDER, 0, np.eye(4), (radius, 2.0, 0.0))
+    points, normals = surface(wire, 3000)
+    assert len(points) < 30_000 and len(normals) == len(points)
+    step = np.sqrt(2 * 2.0 * 2.0 * np.pi * radius / 3000)
+    across = np.hypot(points[:, 0], points[:, 1])
+    assert (across > 0.9 * radius).mean() > 0.9 and across.max() < 1.3 * radius
+    heights = np.sort(points[:, 2])
+    assert heights[0] == pytest.approx(-1.0, abs=1e-6)
+    assert heights[-1] == pytest.approx(1.0, abs=1e-6)
+    assert np.diff(heights).max() < 2 * step

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from roadmap import load_robot
-from roadmap.errors import BadInput, BuildRefused
+from roadmap.errors import BadInput, BuildRefused, NothingFree
 from roadmap.graph.connecting import RoadmapSettings, build_roadmap
 from roadmap.graph.sampling import SAMPLERS, draw
 
@@ -131,7 +131,7 @@ def test_a_roadmap_that_would_have_no_edges_is_refused(small_map):
         return (dq == 0.0).all(axis=1)
 
     settings = RoadmapSettings(nodes=50, neighbors=4)
-    with pytest.raises(BuildRefused, match="none of .* no edges; give more nodes"):
+    with pytest.raises(NothingFree, match="none of .* no edges; give more nodes"):
         build_roadmap(small_map.robot, settings, asking(still))
     near = RoadmapSettings(nodes=2, neighbors=1, max_step=1e-3)
     with pytest.raises(BuildRefused, match="no two of 2 nodes lie within max_step"):

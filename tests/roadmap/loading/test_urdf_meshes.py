@@ -1,5 +1,7 @@
 """Meshes of URDF files: where they are looked for, and what becomes of them."""
 
+import re
+
 import numpy as np
 import pytest
 from urdf_parts import BALL, COARSE, mesh
@@ -154,6 +156,33 @@ def test_a_flat_mesh_is_thickened_and_covered(points, arm, tmp_path, rng):
     assert any("flat; thickened" in note for note in robot.notes)
     corners = robot_solids(robot)[1].body_points()
     inside = rng.dirichlet(np.ones(len(corners)), 500) @ corners
+    spheres = robot.spheres[robot.sphere_link == 1]
+    away = np.linalg.norm(inside[:, None] - spheres[None, :, :3], axis=2)
+    assert (away <= spheres[:, 3]).any(axis=1).all()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<box size="0.2 0.1 1e-9"/>',
+        '<box size="1e-320 0.1 0.2"/>',
+        '<cylinder radius="0.2" length="1e-9"/>',
+        '<cylinder radius="1e-7" length="2"/>',
+        '<sphere radius="1e-9"/>',
+    ],
+)
+def test_a_thin_primitive_is_thickened_and_covered(shape, arm, rng):
+    robot = load_robot(arm(shape), cover_excess=0.05)
+    kind = shape[1 : shape.index(" ")]
+    assert f"arm: a {kind} is flat; thickened to 0.1 mm" in robot.notes
+    assert not any("flat" in n for n in load_robot(arm(BALL), **COARSE).notes)
+    sides = np.array([float(word) for word in re.findall(r"[\d.e-]*\d", shape)])
+    size = {"box": sides / 2, "sphere": sides.repeat(3)}
+    half = size.get(kind, np.array([sides[0], sides[0], sides[-1] / 2]))
+    inside = rng.uniform(-1.0, 1.0, (500, 3))
+    if kind != "box":  # within a disc
+        inside[:, :2] *= np.sqrt(0.5)
+    inside *= half
     spheres = robot.spheres[robot.sphere_link == 1]
     away = np.linalg.norm(inside[:, None] - spheres[None, :, :3], axis=2)
     assert (away <= spheres[:, 3]).any(axis=1).all()

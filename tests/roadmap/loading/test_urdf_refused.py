@@ -83,6 +83,8 @@ def test_an_unreadable_mesh_is_refused(arm, tmp_path):
     refuses(arm(mesh("t.obj")), "no finite triangles")
     (tmp_path / "t.dae").write_bytes(b"version https://git-lfs.github.com/spec/v1\n")
     refuses(arm(mesh("t.dae")), "'arm' .*only the pointer of Git LFS: run git lfs")
+    (tmp_path / "t.obj").write_bytes(b"v 1e300 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n")
+    refuses(arm(mesh("t.obj")), "'arm' reaches 1e.300 m far, but at most 1e.06 m can")
     (tmp_path / "t.xyz").write_bytes(b"1 2 3")
     refuses(arm(mesh("t.xyz")), "cannot be read")
 
@@ -274,6 +276,38 @@ def test_what_is_no_number_is_told_with_its_line(urdf, link, joint, rpy):
     file = urdf(body + joint("turn", "revolute", "base", "arm"))
     word = next(w for w in rpy.split() if w not in "0")
     refuses(file, f"line 1, holds {re.escape(repr(word))}, which is no number; write")
+
+
+@pytest.mark.parametrize("number", ["1_0", "\u0663"])
+def test_what_only_python_takes_for_a_number_is_none(urdf, link, joint, number):
+    body = link("base", BALL) + link("arm", BALL, xyz=f"0 0 {number}")
+    file = urdf(body + joint("turn", "revolute", "base", "arm"))
+    refuses(file, f"holds '{number}', which is no number; write")
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("<collision", "<colision", "<link> .* holds <colision>.*; write <collision>"),
+        ("<axis", "<Axis", "<joint> .* holds <Axis>, .* not know; write <axis>"),
+        ("<limit ", "<limits ", "<joint> .* holds <limits>.*; write <limit>"),
+        ("<link", "<Link", "<robot> of .* holds <Link>.*; write <link>"),
+        ("rpy=", "quat_xyzw=", "'quat_xyzw', .* write rpy, the same turn as roll"),
+        ("xyz=", "pos=", "<origin> of .* has 'pos', .* read; write xyz, rpy"),
+        ("lower=", "Lower=", "<limit> of .* has 'Lower', .* read; write lower"),
+        ("radius=", "radious=", "<sphere> of .* has 'radious', .* read; write radius"),
+        ("multiplier=", "multipler=", "<mimic> .* 'multipler', .* write multiplier"),
+    ],
+)
+def test_a_name_with_a_slip_is_never_read_over(urdf, link, joint, right, wrong, told):
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1" acceleration="9"/>'
+    body = link("base", BALL) + link("arm", BALL) + link("more", BALL)
+    body += joint("turn", "revolute", "base", "arm", inside=limit)
+    follow = f'<mimic joint="turn" multiplier="2"/>{limit}'
+    body += joint("after", "revolute", "arm", "more", inside=follow)
+    assert right in body and load_robot(urdf(body), **COARSE).dof == 1
+    closed = "</" + right[1:], "</" + wrong[1:]
+    refuses(urdf(body.replace(right, wrong).replace(*closed)), told)
 
 
 def test_a_zero_axis_is_refused(urdf, link, joint):

@@ -180,6 +180,28 @@ def test_build_makes_a_map_and_does_not_replace_another_one(odm, tmp_path):
     assert code == 2 and "not a map folder" in err
 
 
+def test_a_build_tells_which_links_are_not_tested_since_they_always_touch(
+    odm, tmp_path
+):
+    ball = '<collision><geometry><sphere radius="RADIUS"/></geometry></collision>'
+    parts = ["<robot name='r'>"]
+    for name in "abc":
+        parts.append(f'<link name="{name}">{ball}</link>')
+    for parent, child in ("ab", "bc"):
+        parts.append(
+            f'<joint name="to_{child}" type="revolute"><parent link="{parent}"/>'
+            f'<child link="{child}"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>'
+            '<limit lower="-0.5" upper="0.5" velocity="1" effort="1"/></joint>'
+        )
+    words = ("--neighbors", 5, "--nodes", 40, "--out", tmp_path / "map", "--force")
+    for radius, touches in (("0.1", False), ("0.4", True)):
+        text = "".join([*parts, "</robot>"]).replace("RADIUS", radius)
+        (tmp_path / "r.urdf").write_text(text)
+        code, _, err = odm("build", "--robot", tmp_path / "r.urdf", *words)
+        told = "hulls of meshes, touches in all poses: a and c; give those that can"
+        assert code == 0 and (told in " ".join(err.split())) is touches
+
+
 def test_a_recipe_is_built_from_another_folder(odm, tmp_path, monkeypatch):
     home = tmp_path / "home"
     home.mkdir()

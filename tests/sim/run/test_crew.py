@@ -11,7 +11,7 @@ from chunk_jobs import chunks, job
 
 import sim.run.crew
 from roadmap.builds.chunks import ChunkStore
-from roadmap.errors import BadInput, BuildRefused
+from roadmap.errors import BadInput, BuildRefused, NothingFree
 from sim.run.crew import Place, begin_ahead, chunk_folder, crew
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -42,6 +42,14 @@ def test_ctrl_c_leaves_no_chunks_even_of_threads_still_at_work(tmp_path):
             next(stream)
             raise KeyboardInterrupt
     stream.close()
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_nothing_is_free_no_chunks_are_kept_for_another_try(tmp_path):
+    with pytest.raises(NothingFree):
+        with crew(tmp_path / "map", 1, Place()) as workers:
+            assert len(list(workers.map(job("squares"), chunks()))) == 10
+            raise NothingFree
     assert not list(tmp_path.iterdir())
 
 
