@@ -252,10 +252,12 @@ def test_what_is_written_into_a_copy_counts(again, others):
 def test_nobody_changes_how_much_compiled_loops_read():
     """With more rows told than there are, they would read what lies behind them."""
     obstacles = odm.Obstacles(capsules=CAPSULES, meshes=[TIP])
+    assert obstacles.told_classes is None  # an array once somebody asked for it
+    obstacles.shape_classes[:] = odm.CONTACT
     public = {name for name in dir(obstacles) if not name.startswith("_")}
     arrays = {n for n in public if isinstance(getattr(obstacles, n), np.ndarray)}
     assert arrays == {"capsules", "spheres", "cylinders", "boxes", "poses"} | {
-        "points", "shape_classes"
+        "points", "shape_classes", "told_classes"
     }  # fmt: skip
     assert type(obstacles.meshes) is tuple
 
